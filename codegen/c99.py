@@ -1,0 +1,223 @@
+"""From CasADi SX to binary32 C99: a printer that walks the instruction list.
+
+CasADi's own C generator is not used: with ``casadi_real=float`` it still prints double literals
+and calls ``pow``, so that a single-precision FPU computes in software. This printer knows a small
+table of operations, prints every constant as a binary32 literal, recognises |x|^a sgn(x) as one
+``tdc_sig_pow``, keeps the law's names, and refuses what it doesn't know.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import casadi as ca
+
+from codegen.law import Input, LawFunction
+from codegen.specification import binary32
+
+
+class UnprintableError(Exception):
+    """The law contains something that has no float-only C, or no name where it needs one."""
+
+
+@dataclass(frozen=True)
+class Statement:
+    """One C definition, ``const float name = expression;``, and what it means."""
+
+    name: str
+    expression: str
+    equation: str
+    unit: str
+    meaning: str
+
+    @property
+    def comment(self) -> str:
+        """Equation number and unit, for the end of the line."""
+        return " ".join(filter(None, (self.equation, f"[{self.unit}]" if self.unit else "")))
+
+
+_OP_NAMES = {getattr(ca, name): name for name in dir(ca) if name.startswith("OP_")}
+
+_INFIX = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
+_CALL = {ca.OP_FMIN: "tdc_min", ca.OP_FMAX: "tdc_max"}
+# sign, fabs and pow exist only as parts of sig(x)^a, which becomes a single call.
+_SIG_PARTS = (ca.OP_SIGN, ca.OP_FABS, ca.OP_POW, ca.OP_CONSTPOW)
+
+
+@dataclass(frozen=True)
+class _Node:
+    """A value of the expression graph in static single assignment form."""
+
+    op: int
+    arguments: tuple[int, ...] = ()
+    input: Input | None = None
+    constant: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Graph:
+    nodes: tuple[_Node, ...]
+    outputs: tuple[int, ...]
+    """The node of each quantity of the law function."""
+
+
+def float_literal(value: float) -> str:
+    """The shortest C literal of a binary32 number, with suffix ``f``.
+
+    Raises:
+        UnprintableError: the number is not finite or not exactly binary32.
+    """
+    if not math.isfinite(value) or binary32(value) != value:
+        raise UnprintableError(
+            f"{value!r} is no binary32 number: make it an input of the law, which is rounded once"
+        )
+    candidates = (float(f"{value:.{digits}g}") for digits in range(1, 10))
+    shortest = next(c for c in candidates if _rounds_to(c, value))
+    return f"{shortest!r}f"
+
+
+def _rounds_to(candidate: float, value: float) -> bool:
+    try:
+        return binary32(candidate) == value
+    except OverflowError:  # a short decimal just beyond the largest binary32 number
+        return False
+
+
+def print_law(function: LawFunction, spelling: Callable[[Input], str]) -> tuple[Statement, ...]:
+    """The C definitions of a law function's quantities, in their order.
+
+    Args:
+        function: the law.
+        spelling: how C spells each input, such as ``gains->kd``.
+
+    Raises:
+        UnprintableError: an operation without float-only C, or a value that is used twice
+            without being a named quantity.
+    """
+    graph = _graph(function)
+    spelled = {n.input.name: spelling(n.input) for n in graph.nodes if n.input is not None}
+    statements: list[Statement] = []
+    names: dict[int, str] = {}
+    # sig(x)^a holds x in sign and in fabs, and is still one use of x: fabs isn't counted.
+    uses = Counter(a for n in graph.nodes if n.op != ca.OP_FABS for a in n.arguments)
+    for quantity, node in zip(function.quantities, graph.outputs, strict=True):
+        printer = _Expression(graph, names, spelled, uses, f"{function.name}.{quantity.name}")
+        statements.append(
+            Statement(
+                quantity.name,
+                printer.definition(node),
+                quantity.equation,
+                quantity.unit,
+                quantity.meaning,
+            )
+        )
+        names[node] = quantity.name
+    return tuple(statements)
+
+
+def _graph(function: LawFunction) -> _Graph:
+    """The instruction list of the CasADi function as a graph.
+
+    CasADi's instructions share work registers; each write starts a new node here.
+    """
+    casadi_function = function.casadi_function()
+    nodes: list[_Node] = []
+    register: dict[int, int] = {}
+    outputs: dict[int, int] = {}
+    inputs: dict[str, int] = {}
+    for k in range(casadi_function.n_instructions()):
+        op = casadi_function.instruction_id(k)
+        source = casadi_function.instruction_input(k)
+        target = casadi_function.instruction_output(k)
+        if op == ca.OP_OUTPUT:
+            outputs[target[0]] = register[source[0]]
+            continue
+        if op == ca.OP_INPUT:
+            parameter = function.inputs[source[0]]
+            if parameter.name not in inputs:
+                inputs[parameter.name] = len(nodes)
+                nodes.append(_Node(op, input=parameter))
+            register[target[0]] = inputs[parameter.name]
+            continue
+        if op == ca.OP_CONST:
+            nodes.append(_Node(op, constant=casadi_function.instruction_constant(k)))
+        else:
+            nodes.append(_Node(op, tuple(register[s] for s in source)))
+        register[target[0]] = len(nodes) - 1
+    return _Graph(tuple(nodes), tuple(outputs[i] for i in range(len(outputs))))
+
+
+@dataclass(frozen=True)
+class _Expression:
+    """Prints nodes as C expressions; named nodes by their name, all others in place."""
+
+    graph: _Graph
+    names: Mapping[int, str]
+    spelled: Mapping[str, str]
+    uses: Mapping[int, int]
+    where: str
+
+    def definition(self, index: int) -> str:
+        """The expression that defines a node, even where an earlier quantity names it."""
+        return self.names[index] if index in self.names else self._inline(index)
+
+    def _operand(self, index: int) -> str:
+        """A node as an operand: parenthesised unless it is a name, a call or a literal."""
+        node = self.graph.nodes[index]
+        text = self._reference(index)
+        infix = index not in self.names and self._sig(index) is None
+        return f"({text})" if infix and node.op in (*_INFIX, ca.OP_NEG) else text
+
+    def _reference(self, index: int) -> str:
+        if index in self.names:
+            return self.names[index]
+        node = self.graph.nodes[index]
+        if self.uses[index] > 1 and node.op not in (ca.OP_INPUT, ca.OP_CONST, *_SIG_PARTS):
+            raise UnprintableError(
+                f"{self.where}: a value of {_OP_NAMES[node.op]} is used {self.uses[index]} times; "
+                "name it as a Quantity before its first use"
+            )
+        return self._inline(index)
+
+    def _inline(self, index: int) -> str:
+        node = self.graph.nodes[index]
+        if node.input is not None:
+            return self.spelled[node.input.name]
+        if node.op == ca.OP_CONST:
+            return float_literal(node.constant)
+        sig = self._sig(index)
+        if sig is not None:
+            base, exponent = sig
+            return f"tdc_sig_pow({self._reference(base)}, {self._reference(exponent)})"
+        if node.op in _INFIX:
+            left, right = (self._operand(a) for a in node.arguments)
+            return f"{left} {_INFIX[node.op]} {right}"
+        if node.op in _CALL:
+            return f"{_CALL[node.op]}({', '.join(self._reference(a) for a in node.arguments)})"
+        if node.op == ca.OP_NEG:
+            return f"-{self._operand(node.arguments[0])}"
+        raise UnprintableError(
+            f"{self.where}: {_OP_NAMES.get(node.op, node.op)} has no float-only C in this printer"
+        )
+
+    def _sig(self, index: int) -> tuple[int, int] | None:
+        """Base and exponent where the node is sgn(x) |x|^a, in either order of the factors."""
+        nodes = self.graph.nodes
+        node = nodes[index]
+        if node.op != ca.OP_MUL:
+            return None
+        for sign, power in (node.arguments, node.arguments[::-1]):
+            if nodes[sign].op != ca.OP_SIGN or nodes[power].op not in (ca.OP_POW, ca.OP_CONSTPOW):
+                continue
+            magnitude, exponent = nodes[power].arguments
+            base = nodes[sign].arguments[0]
+            if nodes[magnitude].op == ca.OP_FABS and nodes[magnitude].arguments[0] == base:
+                if nodes[exponent].input is None:
+                    raise UnprintableError(
+                        f"{self.where}: the exponent of sig() must be an input of the law"
+                    )
+                return base, exponent
+        return None

@@ -1,0 +1,1 @@
+"""A simulated robot, its friction, drive and encoder, and the closed loop with generated C."""

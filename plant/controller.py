@@ -1,0 +1,167 @@
+"""The generated C through ctypes: the controller that flies in the closed loop is the shipped one.
+
+The structures are built from :mod:`codegen.layout`, the same table that the C header is made
+from; no layout is typed here.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codegen.emit import identity
+from codegen.layout import Scalar, Struct, joint_config_values, layout
+from codegen.specification import Controller
+from plant.closed_loop import ControllerOutput
+from plant.native import shared_library, sources_of
+
+OK, SATURATED = 0, 1
+
+_C_TYPES: dict[Scalar, type[ctypes._SimpleCData[Any]]] = {
+    Scalar.FLOAT: ctypes.c_float,
+    Scalar.INT32: ctypes.c_int32,
+    Scalar.UINT32: ctypes.c_uint32,
+    # A structure of one int32_t lies in memory like the int32_t.
+    Scalar.EXPONENT: ctypes.c_int32,
+}
+
+
+class LayoutError(Exception):
+    """The library was not made for this specification."""
+
+
+@dataclass(frozen=True)
+class Structures:
+    """The ctypes structures of a controller."""
+
+    config: type[ctypes.Structure]
+    state: type[ctypes.Structure]
+    input: type[ctypes.Structure]
+
+
+def structures(controller: Controller) -> Structures:
+    """The ctypes structures that lie in memory like the generated C's."""
+    made: dict[str, type[ctypes.Structure]] = {}
+
+    def c_type(kind: Scalar | Struct) -> Any:
+        return _C_TYPES[kind] if isinstance(kind, Scalar) else made[kind.name]
+
+    joints = layout(controller.options, len(controller.joints))
+    for struct in joints.public:
+        fields = [
+            (f.name, c_type(f.type) * f.count if f.count is not None else c_type(f.type))
+            for f in struct.fields
+        ]
+        made[struct.name] = type(struct.name, (ctypes.Structure,), {"_fields_": fields})
+    return Structures(made["config"], made["state"], made["input"])
+
+
+class GeneratedController:
+    """A controller's compiled C with its own configuration and state.
+
+    Fulfils :class:`plant.closed_loop.Controller`.
+
+    Args:
+        controller: the specification that the C was generated from.
+        library: the compiled C; generated and compiled if not given.
+
+    Raises:
+        LayoutError: the library holds another specification's controller.
+    """
+
+    def __init__(self, controller: Controller, library: Path | None = None) -> None:
+        self.specification = controller
+        self._library = ctypes.CDLL(str(library or shared_library(sources_of(controller))))
+        self._types = structures(controller)
+        prefix = f"tdc_{controller.name}"
+        try:
+            self._init = self._library[f"{prefix}_init"]
+            self._step = self._library[f"{prefix}_step"]
+            self._check_config = self._library[f"{prefix}_check_config"]
+            default = self._types.config.in_dll(self._library, f"{prefix}_default_config")
+        except (AttributeError, ValueError) as error:
+            raise LayoutError(f"{library}: no controller {controller.name} in it") from error
+        self.config = self._types.config.from_buffer_copy(default)
+        self.state = self._types.state()
+        self.input = self._types.input()
+        self._torque = (ctypes.c_float * len(controller.joints))()
+        self._pointers = tuple(
+            ctypes.byref(x) for x in (self.config, self.state, self.input, self._torque)
+        )
+        # The default configuration of the library, read through our layout, must be ours.
+        if self.config.specification != identity(controller) or not self._has_gains(controller):
+            raise LayoutError(
+                f"the compiled controller {controller.name} was made from another specification: "
+                "run `make codegen` and compile again"
+            )
+        self._counts_per_rad = np.array([1.0 / j.rad_per_count for j in controller.joints])
+
+    @property
+    def joints(self) -> int:
+        """Number of joints."""
+        return len(self.specification.joints)
+
+    def _has_gains(self, controller: Controller) -> bool:
+        return all(
+            _scalar(self.config.joint[i], name) == value
+            for i, joint in enumerate(controller.joints)
+            for name, value in joint_config_values(controller, joint).items()
+        )
+
+    def set_gains(self, controller: Controller) -> None:
+        """Tunes the running configuration to another specification's gains.
+
+        Raises:
+            LayoutError: that specification differs in more than gains.
+        """
+        if identity(controller) != identity(self.specification):
+            raise LayoutError("only gains and exponents can be tuned without new C")
+        for i, joint in enumerate(controller.joints):
+            for name, value in joint_config_values(controller, joint).items():
+                setattr(self.config.joint[i], name, value)
+
+    def check_config(self) -> int:
+        """The status of ``tdc_NAME_check_config`` on the running configuration."""
+        return int(self._check_config(self._pointers[0]))
+
+    def reset(
+        self,
+        counts: NDArray[np.int32],
+        holding_torque_Nm: NDArray[np.float64],
+    ) -> int:
+        """Calls ``tdc_NAME_init``; returns its status."""
+        c_counts = (ctypes.c_int32 * self.joints)(*map(int, counts))
+        c_torque = (ctypes.c_float * self.joints)(*map(float, holding_torque_Nm))
+        return int(self._init(*self._pointers[:2], c_counts, c_torque))
+
+    def position_q8(self, position_rad: NDArray[np.float64]) -> NDArray[np.int32]:
+        """Joint positions, shape (n,) or (ticks, n), in 1/256 count, wrapped to 32 bits."""
+        q8 = np.rint(position_rad * self._counts_per_rad * 256.0).astype(np.int64)
+        wrapped: NDArray[np.int32] = q8.astype(np.uint32).astype(np.int32)
+        return wrapped
+
+    def step(
+        self,
+        counts: NDArray[np.int32],
+        position_rad: NDArray[np.float64],
+        velocity_rad_per_s: NDArray[np.float64],
+        acceleration_rad_per_s2: NDArray[np.float64],
+    ) -> ControllerOutput:
+        """One tick of ``tdc_NAME_step``; all arguments have shape (n,)."""
+        given = self.input
+        given.counts[:] = counts.tolist()
+        given.reference_position_q8[:] = self.position_q8(position_rad).tolist()
+        given.reference_velocity_rad_per_s[:] = velocity_rad_per_s.tolist()
+        given.reference_acceleration_rad_per_s2[:] = acceleration_rad_per_s2.tolist()
+        status = int(self._step(*self._pointers))
+        return ControllerOutput(np.array(self._torque, dtype=np.float32), status)
+
+
+def _scalar(struct: ctypes.Structure, name: str) -> float | int:
+    value: float | int = getattr(struct, name)
+    return value
