@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from codegen.c99 import UnprintableError
+from codegen.controller import Controller, load
 from codegen.emit import (
     REPOSITORY,
     GeneratedFiles,
@@ -20,7 +21,8 @@ from codegen.emit import (
     write,
 )
 from codegen.presets import LAW_PRESETS, ROBOT_PRESETS
-from codegen.specification import Controller, SpecificationError, json_schema, load
+from codegen.problems import SpecificationError
+from codegen.specification import json_schema
 
 CONTROLLERS = REPOSITORY / "controllers"
 GENERATED = REPOSITORY / "generated"

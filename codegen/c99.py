@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from codegen.exact import binary32
 from codegen.law import Input, LawFunction
-from codegen.specification import binary32
 
 
 class UnprintableError(Exception):

@@ -17,6 +17,8 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from codegen import law, sig_pow
 from codegen.c99 import Statement, float_literal, print_law
+from codegen.controller import Controller, Joint
+from codegen.exact import binary32
 from codegen.layout import (
     Field,
     Layout,
@@ -27,7 +29,6 @@ from codegen.layout import (
     layout,
     scale_values,
 )
-from codegen.specification import Controller, Joint, binary32
 
 PACKAGE = Path(__file__).parent
 REPOSITORY = PACKAGE.parent

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
 
+from codegen.controller import Controller, Joint
+from codegen.exact import binary32
 from codegen.law import GAINS, LawOptions
 from codegen.sig_pow import exponent_q31
-from codegen.specification import Controller, Joint, binary32
 
 
 class Scalar(Enum):

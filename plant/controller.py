@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from codegen.controller import Controller
 from codegen.emit import identity
 from codegen.layout import Scalar, Struct, joint_config_values, layout
-from codegen.specification import Controller
 from plant.closed_loop import ControllerOutput
 from plant.native import shared_library, sources_of
 

@@ -9,8 +9,8 @@ import subprocess
 import tempfile
 from pathlib import Path
 
+from codegen.controller import Controller
 from codegen.emit import REPOSITORY, differences, generate, write
-from codegen.specification import Controller
 
 BUILD = REPOSITORY / "build"
 GENERATED = REPOSITORY / "generated"

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
+from codegen.controller import Controller, read, resolve
 from codegen.emit import generate, write
-from codegen.specification import Controller, read, resolve
 
 ROOT = Path(__file__).parents[2]
 CONTROLLERS = ROOT / "controllers"

@@ -12,16 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from codegen.__main__ import main
+from codegen.controller import Controller, load, read, resolve
 from codegen.presets import LAW_PRESETS, SPECIAL_CASES
-from codegen.specification import (
-    Controller,
-    Problem,
-    SpecificationError,
-    json_schema,
-    load,
-    read,
-    resolve,
-)
+from codegen.problems import Problem, SpecificationError
+from codegen.specification import json_schema
 
 CONTROLLERS = Path(__file__).parents[2] / "controllers"
 REMOVED = object()

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codegen.specification import load
+from codegen.controller import load
 from plant.controller import GeneratedController, LayoutError
 from plant.native import shared_library
 from tests.codegen.conftest import CONTROLLERS, GENERATED, variant
