@@ -1,0 +1,94 @@
+# Everything a person or CI does with this repository starts here; `make help` lists it.
+# The recipes only say what runs: how a step is done stands in tools/ and in the Python packages.
+
+MAKEFLAGS += --no-builtin-rules --warn-undefined-variables
+.DEFAULT_GOAL := all
+.DELETE_ON_ERROR:
+.SUFFIXES:
+
+# Another interpreter for .venv: make PYTHON=python3.12 (default: the first one >= 3.11 in PATH).
+PYTHON ?=
+# One specification, such as controllers/puma3.toml (default: codegen writes all of them).
+CONTROLLER ?=
+# The experiment that `make simulate` runs.
+EXPERIMENT ?= Exp08
+# More words for pytest: make test PYTEST_ARGS="-k sig_pow -x".
+PYTEST_ARGS ?=
+# `make lock UPGRADE=1` moves the pinned versions forward; without it they stay where they can.
+UPGRADE ?=
+
+export PYTHON UPGRADE
+# A sourced ROS workspace puts its own numpy and pinocchio before ours; the packages in
+# ~/.local would do the same. Only what constraints.txt pins may answer an import.
+unexport PYTHONPATH PYTHONHOME
+export PYTHONNOUSERSITE := 1
+
+run := .venv/bin/python
+
+## Set up, generate the C, run the closed loops and write the report: the whole thing
+.PHONY: all
+all:
+# One after the other, also under -j: the report tests the C that codegen has just written.
+	@$(MAKE) --no-print-directory codegen
+	@$(MAKE) --no-print-directory report
+	@tools/next_steps.sh
+
+## Install what is missing: system packages (apt) and the Python environment .venv
+.PHONY: setup
+setup:
+	@tools/system_tools.sh build
+	@tools/make_venv.sh
+
+## Write generated/NAME/ from controllers/NAME.toml; one with CONTROLLER=controllers/NAME.toml
+.PHONY: codegen
+codegen: setup
+	@$(run) -m codegen generate $(CONTROLLER)
+
+## Regenerate twice into temporary folders and compare every byte with generated/
+.PHONY: check-generated
+check-generated: setup
+	@$(run) -m codegen check
+
+## Run the experiments and checks and write build/report/index.html
+.PHONY: report
+report: setup
+	@$(run) -m verification report
+
+## Run one closed loop: make simulate CONTROLLER=controllers/puma3.toml EXPERIMENT=Exp08
+.PHONY: simulate
+simulate: setup
+	@$(run) -m plant simulate $(or $(CONTROLLER),controllers/puma3.toml) --experiment $(EXPERIMENT)
+
+## Run the tests; narrow them with PYTEST_ARGS="-k WORD"
+.PHONY: test
+test: setup
+	@tools/system_tools.sh test
+	@$(run) -m pytest --numprocesses auto $(PYTEST_ARGS)
+
+## Check style, types and C rules: ruff, mypy, clang-format, clang-tidy, cppcheck (MISRA), gcc
+.PHONY: lint
+lint: setup
+	@tools/system_tools.sh lint
+	@$(run) tools/lint.py
+
+## Write constraints.txt anew from pyproject.toml; newer versions with UPGRADE=1
+.PHONY: lock
+lock:
+	@tools/lock.sh
+
+## Delete what the targets wrote: build/ and the tools' caches
+.PHONY: clean
+clean:
+	@rm -rf build .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	@find . -path ./.venv -prune -o -path ./.git -prune -o \
+	    -type d -name __pycache__ -prune -exec rm -rf {} +
+
+## clean, and the Python environment .venv too (making it again takes one to two minutes)
+.PHONY: distclean
+distclean: clean
+	@rm -rf .venv *.egg-info
+
+## List the targets
+.PHONY: help
+help:
+	@tools/help.sh $(firstword $(MAKEFILE_LIST))
