@@ -18,7 +18,7 @@ from codegen.problems import Problem, SpecificationError
 from codegen.specification import json_schema
 
 CONTROLLERS = Path(__file__).parents[2] / "controllers"
-REMOVED = object()
+REMOVED = "(removed)"
 
 
 def puma3() -> dict[str, Any]:

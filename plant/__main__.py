@@ -1,0 +1,160 @@
+"""The simulated robots: what they are made of, and their rigid-body dynamics."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from plant.closed_loop import PlantError
+from plant.model import build_model, dynamics
+from plant.robot import Robot, RobotError, load_robot, robot_names
+
+
+class UsageError(Exception):
+    """An argument that cannot be used; the message says what would do."""
+
+
+def _numbers(option: str, text: str) -> NDArray[np.float64]:
+    """Comma-separated finite numbers, shape (n,)."""
+    numbers = []
+    for word in text.split(","):
+        try:
+            number = float(word)
+        except ValueError:
+            number = math.nan
+        if not math.isfinite(number):
+            raise UsageError(f"{option}: {word.strip()!r} is not a finite number")
+        numbers.append(number)
+    return np.array(numbers)
+
+
+def _robot_for(name: str, values: int) -> Robot:
+    """The robot with as many moving joints: all of them, or its wrist locked at zero."""
+    robot = load_robot(name)
+    if values == robot.joints:
+        return robot
+    wanted = f"{robot.joints} numbers"
+    if any(joint - 1 in robot.moving for joint in robot.links.wrist):
+        locked = load_robot(name, lock_wrist=True)
+        if values == locked.joints:
+            return locked
+        wanted += f", or {locked.joints} for a wrist locked at zero"
+    raise UsageError(f"--q: {robot.name} needs {wanted}, not {values}")
+
+
+def _dynamics(arguments: argparse.Namespace, console: Console) -> int:
+    q = _numbers("--q", arguments.q)
+    robot = _robot_for(arguments.robot, len(q))
+    rates = []
+    for option in ("qd", "qdd"):
+        text = getattr(arguments, option)
+        rate = np.zeros_like(q) if text is None else _numbers(f"--{option}", text)
+        if len(rate) != len(q):
+            raise UsageError(f"--{option}: has {len(rate)} numbers, --q has {len(q)}")
+        rates.append(rate)
+    qd, qdd = rates
+    terms = dynamics(build_model(robot), q, qd, qdd)
+    if arguments.json:
+        vectors = {"q": q, "qd": qd, "qdd": qdd}
+        matrices = {"M": terms.M, "C": terms.C, "g": terms.g, "tau": terms.tau}
+        arrays = {key: value.tolist() for key, value in (vectors | matrices).items()}
+        print(json.dumps({"robot": robot.name} | arrays))
+        return 0
+    console.print(f"[bold]{robot.name}[/bold]: {escape(robot.description)}")
+    if len(q) < len(robot.links.chain):
+        locked = [x.name for i, x in enumerate(robot.links.chain) if i not in robot.moving]
+        console.print(f"locked at zero: {', '.join(locked)}")
+    console.print(
+        _table(
+            "M qdd + C qd + g = tau, friction left out",
+            robot.joint_names,
+            {
+                "q [rad]": q,
+                "qd [rad/s]": qd,
+                "qdd [rad/s²]": qdd,
+                "g [N m]": terms.g,
+                "tau [N m]": terms.tau,
+            },
+        )
+    )
+    for name, unit, matrix in (("M", "kg m²", terms.M), ("C", "N m s", terms.C)):
+        columns = dict(zip(robot.joint_names, matrix.T, strict=True))
+        console.print(_table(f"{name} [{unit}]", robot.joint_names, columns))
+    return 0
+
+
+def _table(title: str, rows: Sequence[str], columns: dict[str, NDArray[np.float64]]) -> Table:
+    table = Table(title=escape(title), title_justify="left")
+    table.add_column("joint")
+    for name in columns:
+        table.add_column(escape(name), justify="right")
+    for i, row in enumerate(rows):
+        # Rounding errors of cos(90 deg) are no information for a reader.
+        table.add_row(row, *(f"{round(column[i], 12) + 0.0:.6g}" for column in columns.values()))
+    return table
+
+
+def _robots(_: argparse.Namespace, console: Console) -> int:
+    for name in robot_names():
+        robot = load_robot(name)
+        can = "dynamics" if robot.friction is None else "dynamics, simulation"
+        console.print(f"[bold]{name}[/bold]: {escape(robot.description)}")
+        console.print(f"  {robot.joints} joints: {', '.join(robot.joint_names)} ({can})")
+        table = Table(box=None, pad_edge=False, padding=(0, 2), show_header=False)
+        for part, source in robot.sources:
+            table.add_row(f"  {part}", escape(source))
+        console.print(table)
+        console.print()
+    return 0
+
+
+def _add_dynamics(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    parser = commands.add_parser(
+        "dynamics",
+        help="M, C, g and the frictionless torque of a robot in one state",
+        description="Terms of M(q) qdd + C(q, qd) qd + g(q) = tau, motor inertia included, "
+        "friction left out. With numbers for fewer joints the wrist is locked at zero.",
+        epilog="example: python -m plant dynamics --robot puma560 --q=0,0.8,-1.6 --json",
+    )
+    parser.add_argument("--robot", required=True, help=f"one of {', '.join(robot_names())}")
+    parser.add_argument("--q", required=True, help="joint positions [rad], --q=0.1,-0.2,...")
+    parser.add_argument("--qd", help="joint velocities [rad/s], 0 by default")
+    parser.add_argument("--qdd", help="joint accelerations [rad/s^2], 0 by default")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.set_defaults(run=_dynamics)
+
+
+def _add_robots(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    parser = commands.add_parser("robots", help="list the robots, their joints and sources")
+    parser.set_defaults(run=_robots)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m plant", description=__doc__)
+    commands = parser.add_subparsers(dest="command", required=True)
+    _add_dynamics(commands)
+    _add_robots(commands)
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs the command line; returns the exit code: 0, or 2 for bad input."""
+    options = _parser().parse_args(arguments)
+    try:
+        return int(options.run(options, Console(highlight=False)))
+    except (UsageError, RobotError, PlantError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main())

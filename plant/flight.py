@@ -1,0 +1,127 @@
+"""A specification flown on a robot: the shipped C, tuned at run time, in the closed loop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from codegen.controller import Controller, load
+from plant.closed_loop import PlantError, Run, build_plant, simulate
+from plant.controller import SATURATED, GeneratedController
+from plant.robot import Robot, load_robot
+
+DEFAULT_ROBOTS = {3: "reference", 6: "puma560"}
+"""The robot for a number of joints, where none is named."""
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """One run of a specification on a robot.
+
+    Attributes:
+        specification: with the gains that were flown.
+        experiment: the law preset whose gains replaced the specification's, or None.
+        robot: what was flown.
+        run: what happened.
+    """
+
+    specification: Controller
+    experiment: str | None
+    robot: Robot
+    run: Run
+
+    def figures(self) -> dict[str, Any]:
+        """The figures of merit as plain data; lists have one entry a joint."""
+        run = self.run
+        torque_step = np.diff(run.torque_applied_Nm, axis=0)
+        return {
+            "controller": self.specification.name,
+            "experiment": self.experiment,
+            "robot": self.robot.name,
+            "joint_names": [joint.name for joint in self.specification.joints],
+            "ticks": len(run.time_s),
+            "sample_time_s": run.sample_time_s,
+            "rms_deg": run.rms_error_deg().tolist(),
+            "rms_true_deg": run.rms_true_error_deg().tolist(),
+            "peak_error_deg": np.rad2deg(np.abs(run.error_rad).max(axis=0)).tolist(),
+            "peak_torque_Nm": np.abs(run.torque_applied_Nm).max(axis=0).tolist(),
+            "rms_torque_step_Nm": np.sqrt(np.mean(torque_step**2, axis=0)).tolist(),
+            "saturated_ticks": int(np.count_nonzero(run.status == SATURATED)),
+        }
+
+
+def fly(
+    path: Path,
+    *,
+    experiment: str | None = None,
+    robot: str | None = None,
+    speed: float = 1.0,
+    substep_s: float = 1e-4,
+    progress: bool | None = None,
+) -> Flight:
+    """Flies the C of a specification along the robot's own trajectory.
+
+    The C is that of the file as it stands; an experiment only tunes its configuration, as an
+    engineer would on the rig.
+
+    Args:
+        path: the specification.
+        experiment: a law preset such as ``Exp08`` whose gains are set, or None.
+        robot: a robot file's name or path; by default the one for this number of joints.
+        speed: how many times as fast the trajectory is run.
+        substep_s: longest step of the plant's integration [s].
+        progress: whether to show a progress bar; by default on a terminal only.
+
+    Raises:
+        SpecificationError: the specification or the experiment can't be used.
+        RobotError, PlantError: the robot can't be used, or doesn't fit the specification.
+        CompilerError: the C can't be compiled.
+        ControllerError: the controller reported an error during the run.
+    """
+    shipped = load(path)
+    tuned = load(path, experiment=experiment)
+    body = load_robot(robot if robot is not None else _default_robot(shipped))
+    plant = build_plant(body)
+    if body.trajectory is None:
+        raise PlantError(f"robot {body.name} has no [trajectory]: add one to its file")
+    _check_encoders(shipped, body)
+    controller = GeneratedController(shipped)
+    controller.set_gains(tuned)
+    run = simulate(
+        plant,
+        controller,
+        body.trajectory.faster(speed),
+        float(shipped.sample_time),
+        substep_s,
+        progress,
+    )
+    return Flight(tuned, experiment, body, run)
+
+
+def _default_robot(controller: Controller) -> str:
+    joints = len(controller.joints)
+    if joints not in DEFAULT_ROBOTS:
+        raise PlantError(f"no robot is the default for {joints} joints: name one with --robot")
+    return DEFAULT_ROBOTS[joints]
+
+
+def _check_encoders(controller: Controller, robot: Robot) -> None:
+    """A controller that reads counts in another unit than the encoder's isn't worth flying."""
+    if robot.encoder is None:
+        raise PlantError(f"robot {robot.name} has no [encoder]: add one to its file")
+    if robot.joints != len(controller.joints):
+        raise PlantError(
+            f"controller {controller.name} has {len(controller.joints)} joints, "
+            f"robot {robot.name} has {robot.joints}: name another with --robot"
+        )
+    for joint, of_robot in zip(controller.joints, robot.encoder.counts_per_rad, strict=True):
+        of_controller = 1.0 / joint.rad_per_count
+        if abs(of_controller - of_robot) > 1e-9 * abs(of_robot):
+            raise PlantError(
+                f"joint {joint.name}: the controller takes {of_controller:.6g} counts for a "
+                f"radian, robot {robot.name} gives {of_robot:.6g}: check counts_per_rev (4 x "
+                "pulses) and gear_ratio"
+            )
