@@ -7,6 +7,7 @@ import json
 import math
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +15,13 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from plant.closed_loop import PlantError
+from codegen.emit import GenerationError
+from codegen.problems import SpecificationError
+from plant.closed_loop import ControllerError, PlantError
+from plant.controller import LayoutError
+from plant.flight import fly
 from plant.model import build_model, dynamics
+from plant.native import CompilerError
 from plant.robot import Robot, RobotError, load_robot, robot_names
 
 
@@ -117,6 +123,70 @@ def _robots(_: argparse.Namespace, console: Console) -> int:
     return 0
 
 
+def _simulate(arguments: argparse.Namespace, console: Console) -> int:
+    flight = fly(
+        arguments.controller,
+        experiment=arguments.experiment,
+        robot=arguments.robot,
+        speed=arguments.speed,
+        substep_s=arguments.substep,
+    )
+    figures = flight.figures()
+    if arguments.json:
+        print(json.dumps(figures))
+        return 0
+    what = (
+        f"{figures['controller']} on {figures['robot']}, {figures['experiment'] or 'as specified'}"
+    )
+    columns = {
+        "RMS error [deg]": "rms_deg",
+        "of the joint itself": "rms_true_deg",
+        "peak error [deg]": "peak_error_deg",
+        "peak torque [N m]": "peak_torque_Nm",
+        "RMS torque step [N m]": "rms_torque_step_Nm",
+    }
+    columns_ = {title: np.array(figures[key]) for title, key in columns.items()}
+    console.print(_table(what, figures["joint_names"], columns_))
+    console.print(
+        f"{figures['ticks']} ticks of {figures['sample_time_s']} s, "
+        f"{figures['saturated_ticks']} with a joint at its torque limit"
+    )
+    return 0
+
+
+def _add_simulate(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    parser = commands.add_parser(
+        "simulate",
+        help="fly a specification's C in closed loop",
+        description="Generates and compiles a specification's C (the committed C where it is the "
+        "same) and flies it along the robot's own trajectory.",
+        epilog="example: python -m plant simulate controllers/puma3.toml --experiment Exp08 --json",
+    )
+    parser.add_argument("controller", type=Path, help="a specification, controllers/NAME.toml")
+    parser.add_argument(
+        "--experiment", help="gains of a row of Table II or of a special case instead of the file's"
+    )
+    parser.add_argument(
+        "--robot", help="a robot's name or file; by the number of joints if not given"
+    )
+    parser.add_argument(
+        "--speed", type=_positive, default=1.0, help="how many times as fast, 1 by default"
+    )
+    parser.add_argument(
+        "--substep", type=_positive, default=1e-4, help="longest integration step [s], 1e-4"
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.set_defaults(run=_simulate)
+
+
+def _positive(text: str) -> float:
+    """A finite number greater than 0, for argparse."""
+    number = float(text)
+    if not (math.isfinite(number) and number > 0.0):
+        raise argparse.ArgumentTypeError(f"{text} is not greater than 0")
+    return number
+
+
 def _add_dynamics(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     parser = commands.add_parser(
         "dynamics",
@@ -141,6 +211,7 @@ def _add_robots(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m plant", description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
+    _add_simulate(commands)
     _add_dynamics(commands)
     _add_robots(commands)
     return parser
@@ -151,7 +222,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     try:
         return int(options.run(options, Console(highlight=False)))
-    except (UsageError, RobotError, PlantError) as error:
+    except (
+        UsageError,
+        RobotError,
+        PlantError,
+        SpecificationError,
+        GenerationError,
+        CompilerError,
+        LayoutError,
+        ControllerError,
+    ) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
 

@@ -1,0 +1,62 @@
+"""``python -m plant simulate``: the shipped C in closed loop, and what can't be flown."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from plant.__main__ import main
+from plant.closed_loop import PlantError
+from plant.flight import fly
+
+CONTROLLERS = Path(__file__).parents[2] / "controllers"
+PUMA3, PUMA6 = CONTROLLERS / "puma3.toml", CONTROLLERS / "puma6.toml"
+
+
+def test_a_run_is_the_same_bit_for_bit_when_it_is_repeated(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    command = ["simulate", str(PUMA3), "--experiment", "Exp08", "--speed", "3", "--json"]
+    printed = []
+    for _ in range(2):
+        assert main(command) == 0
+        printed.append(capsys.readouterr().out)
+    assert printed[0] == printed[1]
+    figures = json.loads(printed[0])
+    assert figures["experiment"] == "Exp08"
+    assert figures["robot"] == "reference"
+    assert len(figures["rms_deg"]) == 3
+
+
+def test_six_joints_track_on_the_published_puma() -> None:
+    figures = fly(PUMA6, speed=2.0).figures()
+    assert figures["robot"] == "puma560"
+    assert max(figures["rms_deg"]) < 0.01
+    assert figures["saturated_ticks"] == 0
+
+
+def test_another_number_of_joints_or_another_encoder_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(PlantError, match="3 joints, robot puma560 has 6"):
+        fly(PUMA3, robot="puma560")
+    pulses = tmp_path / "pulses.toml"
+    # The trap of the paper's set-up: 2048 pulses are 8192 counts.
+    pulses.write_text(PUMA3.read_text() + "\n[encoder]\ncounts_per_rev = 2048\n")
+    with pytest.raises(PlantError, match=r"4 x pulses"):
+        fly(pulses)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["nowhere.toml"], "No such file"),
+        ([str(PUMA3), "--experiment", "Exp8"], 'did you mean "Exp08"'),
+        ([str(PUMA3), "--robot", "refrence"], "reference"),
+    ],
+)
+def test_what_cannot_be_flown_exits_with_2(
+    arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["simulate", *arguments]) == 2
+    assert words in capsys.readouterr().err
