@@ -88,7 +88,7 @@ class EncoderTable(_Table):
 class DriveTable(_Table):
     """``[drive]``: what the drive can do."""
 
-    torque_limit_Nm: PerJointPositive = Field(  # noqa: N815 (N m is a unit)
+    torque_limit_Nm: PerJointPositive = Field(
         description="Largest torque at the joint [N m] (motor torque times gear ratio)."
     )
     reports_torque: bool = Field(

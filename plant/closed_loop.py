@@ -5,8 +5,6 @@ At tick k (time k L) the encoders are read and the controller is called once; it
 semi-implicit Euler steps with friction linearly implicit (see :mod:`plant.friction`).
 """
 
-# ruff: noqa: N815 - N m is a unit
-
 from __future__ import annotations
 
 import math

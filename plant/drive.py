@@ -1,7 +1,5 @@
 """Drives: the torque limit of the motors and the time until a command acts."""
 
-# ruff: noqa: N815 - N m is a unit
-
 from __future__ import annotations
 
 from dataclasses import dataclass

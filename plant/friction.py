@@ -19,8 +19,6 @@ The classes work on sequences of floats, one entry for each joint: for three to 
 several times faster than numpy, whose cost is per call.
 """
 
-# ruff: noqa: N815 - N m is a unit
-
 from __future__ import annotations
 
 import math

@@ -5,8 +5,6 @@ as ``gear_ratio`` holds one value for each joint that the file does not lock, or
 Units are in the names of the keys; angles are in degrees where people write them.
 """
 
-# ruff: noqa: N815 - N m is a unit
-
 from __future__ import annotations
 
 import tomllib
