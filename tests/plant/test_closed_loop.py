@@ -278,8 +278,17 @@ def test_substeps_fill_the_tick_evenly() -> None:
     assert substeps(1e-3, 3e-4) == 4
     assert substeps(1e-3, 1.0) == 1
     assert substeps(0.0, 1e-4) == 0
-    # 0.3 - 0.2 and the like must not cost a step more.
-    assert substeps(0.3 - 0.2, 0.1 / 10) == 10
+    # 13 * 1e-4 / 1e-4 is a little more than 13; that must not cost a step.
+    assert substeps(13 * 1e-4, 1e-4) == 13
+
+
+def test_a_progress_bar_changes_nothing(plant: Plant) -> None:
+    held = gravity_torque(plant.model, START)
+    silent, shown = (
+        simulate(plant, Scripted(lambda _: held), _rest(5), TICK, progress=progress)
+        for progress in (False, True)
+    )
+    np.testing.assert_array_equal(silent.q, shown.q)
 
 
 def test_controller_errors_name_tick_and_status(plant: Plant) -> None:
