@@ -13,8 +13,6 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
 from codegen import law, sig_pow
 from codegen.c99 import Statement, float_literal, print_law
 from codegen.controller import Controller, Joint
@@ -29,6 +27,7 @@ from codegen.layout import (
     layout,
     scale_values,
 )
+from codegen.rendering import TEMPLATES, environment
 
 PACKAGE = Path(__file__).parent
 REPOSITORY = PACKAGE.parent
@@ -99,7 +98,7 @@ def generate(controller: Controller) -> GeneratedFiles:
     printed = print_joint_law(controller, structures)
     generator = generator_sha256()
     inputs = _sha256(_json({"controller": controller.canonical(), "generator": generator}))
-    environment = _environment()
+    templates = environment()
     shared = {"banner": _banner(None, generator), "tables": sig_pow.tables()}
     context = {
         **_controller_context(controller, structures, printed),
@@ -113,7 +112,7 @@ def generate(controller: Controller) -> GeneratedFiles:
         f"tdc_{controller.name}.c": ("controller.c.j2", context),
     }
     files = {
-        name: _format(environment.get_template(template).render(values), name)
+        name: _format(templates.get_template(template).render(values), name)
         for name, (template, values) in sources.items()
     }
     files["manifest.json"] = _manifest(controller, printed, files, generator, inputs)
@@ -136,7 +135,7 @@ def identity(controller: Controller) -> int:
 
 def generator_sha256() -> str:
     """The hash of this package's sources, its templates and the format style."""
-    sources = sorted([*PACKAGE.glob("*.py"), *PACKAGE.glob("templates/*.j2")])
+    sources = sorted([*PACKAGE.glob("*.py"), *TEMPLATES.glob("*.j2")])
     digest = hashlib.sha256()
     for path in (*sources, FORMAT_STYLE):
         digest.update(path.name.encode() + b"\0" + path.read_bytes().replace(b"\r\n", b"\n"))
@@ -302,18 +301,6 @@ def _check(field: Field) -> str:
 
 
 # --- Rendering ---------------------------------------------------------------------------------
-
-
-def _environment() -> Environment:
-    # Comments of the templates' C use {# #}; C itself has no such sequence.
-    return Environment(
-        loader=FileSystemLoader(PACKAGE / "templates"),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        autoescape=False,
-    )
 
 
 def _banner(controller: str | None, sha256: str) -> str:

@@ -9,20 +9,9 @@ from pathlib import Path
 import pytest
 
 from tests.codegen.conftest import GENERATED, VARIANTS
+from tests.toolchain import CORTEX_M4F, WARNINGS, run
 
-WARNINGS = (
-    *("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wsign-conversion"),
-    *("-Wfloat-conversion", "-Wdouble-promotion", "-Wshadow", "-Wstrict-prototypes"),
-    *("-Wcast-qual", "-Wundef", "-Werror"),
-)
-CORTEX_M4F = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16")
 COMMITTED = ("puma3", "puma6")
-
-
-def run(*command: str | Path) -> str:
-    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
 
 
 def compile_all(compiler: list[str], directory: Path, output: Path) -> list[Path]:

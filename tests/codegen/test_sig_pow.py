@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from codegen import sig_pow
 from codegen.sig_pow import PAPER_EXPONENTS, exponent_q31, tables
+from tests.toolchain import CORTEX_M4F, WARNINGS
 
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
@@ -25,24 +26,14 @@ Integers = NDArray[np.int32]
 Kernel = Callable[[Floats, Integers], Floats]
 
 DRIVER = Path(__file__).with_name("sig_pow_driver.c")
-WARNINGS = (
-    "-std=c99 -pedantic -Wall -Wextra -Wconversion -Wsign-conversion -Wfloat-conversion "
-    "-Wdouble-promotion -Wshadow -Wstrict-prototypes -Wcast-qual -Werror"
-).split()
-CORTEX_M4F = (
-    "-mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 -O2 -ffp-contract=off -std=c99"
-).split()
-
 MAX_ULP = 4.0
 MAX_RELATIVE = 2.0**-21.5
 SMALLEST_NORMAL = 2.0**-126
 SMALLEST_SUBNORMAL = 2.0**-149
+INFINITY = np.uint32(0x7F80_0000)
+"""The bits of infinity."""
 LIMIT = np.float32(2.0**105)
 """From here on x counts as infinite."""
-
-
-def needs(tool: str) -> pytest.MarkDecorator:
-    return pytest.mark.skipif(shutil.which(tool) is None, reason=f"{tool} is not installed")
 
 
 @pytest.fixture(scope="session")
@@ -105,7 +96,8 @@ def floats_between(rng: np.random.Generator, low: float, high: float, count: int
 
 def ulp(exact: Doubles) -> Doubles:
     """The unit in the last place of a binary32 at `exact`, which is a normal number."""
-    return np.ldexp(1.0, np.frexp(exact)[1] - 24)
+    last_place: Doubles = np.ldexp(1.0, np.frexp(exact)[1] - 24)
+    return last_place
 
 
 def is_normal(exact: Doubles) -> NDArray[np.bool_]:
@@ -225,6 +217,17 @@ def test_the_stated_bound_holds_beyond_the_usual_range(kernel: Kernel) -> None:
     assert np.max((error / exact)[normal]) <= tables().relative_bound
 
 
+@pytest.mark.parametrize(("low", "high"), [(0.2, 0.9), (0.9, 1.1), (1.1, 2.0)])
+def test_errors_are_centred(kernel: Kernel, low: float, high: float) -> None:
+    # A rounding that isn't compensated shows here first: half a unit is 0.25 ulp or more.
+    rng = np.random.default_rng(13)
+    x = floats_between(rng, 2.0**-30, 2.0**7, 1_000_000)
+    a = rng.uniform(low, high, x.size)
+    exact = np.power(x.astype(np.float64), a)
+    bias = np.mean((kernel(x, all_q31(a)) - exact) / ulp(exact))
+    assert abs(bias) < 0.1
+
+
 def test_the_exponent_one_is_the_identity(kernel: Kernel) -> None:
     rng = np.random.default_rng(4)
     x = np.concatenate([edges(), floats_between(rng, 0.0, float(LIMIT), 1_000_000)])
@@ -255,21 +258,21 @@ def test_odd_bit_for_bit(kernel: Kernel) -> None:
 
 
 @pytest.mark.parametrize("a", ["0", "0.01", "0.2", *PAPER_EXPONENTS, "1.9", "2"])
-def test_falls_by_no_more_than_two_ulp_where_x_grows(kernel: Kernel, a: str) -> None:
+def test_falls_by_no_more_than_three_ulp_where_x_grows(kernel: Kernel, a: str) -> None:
     rng = np.random.default_rng(7)
     starts = bits(floats_between(rng, SMALLEST_SUBNORMAL, math.inf, 2000))
-    runs = [starts[:, None] + np.arange(200, dtype=np.uint32)]
     # Across all boundaries of segments and binades, and into infinity.
-    boundaries = np.arange(0, 0x7F80_0000, 1 << 17, dtype=np.uint32)[1:, None]
-    runs.append(boundaries + np.arange(-2, 3, dtype=np.int64).astype(np.uint32))
+    boundaries = np.arange(1 << 17, int(INFINITY) + 1, 1 << 17, dtype=np.uint32)
+    runs = (
+        starts[:, None] + np.arange(200, dtype=np.uint32),
+        boundaries[:, None] - np.arange(3, -3, -1, dtype=np.int64).astype(np.uint32),
+    )
     for run in runs:
-        x = np.minimum(run, np.uint32(0x7F80_0000)).view(np.float32)
+        x = np.minimum(run, INFINITY).view(np.float32)
         y = kernel(x.ravel(), q31(a)).reshape(x.shape)
         assert not np.any(np.isnan(y))
-        finite = np.isfinite(y[:, 1:])
-        falls = np.where(finite, np.maximum(y[:, :-1], 0) - np.where(finite, y[:, 1:], 0), 0)
-        np.testing.assert_array_less(falls, 2.5 * np.spacing(y[:, :-1]) + 1e-300)
-        assert np.all(np.isfinite(y[:, :-1]) | np.isinf(y[:, 1:]))
+        # The bits of positive floats count their last places, and are ordered like them.
+        assert np.min(np.diff(bits(y).astype(np.int64), axis=1)) >= -3
 
 
 # Zeros, infinities, NaN; underflow and overflow
@@ -380,7 +383,6 @@ def test_every_compiler_gives_the_same_bits(
     np.testing.assert_array_equal(bits(other(*vectors)), bits(kernel(*vectors)))
 
 
-@needs("gcc")
 def test_no_undefined_behaviour(
     kernel: Kernel, sources: Path, vectors: tuple[Floats, Integers]
 ) -> None:
@@ -401,9 +403,10 @@ def test_no_undefined_behaviour(
     np.testing.assert_array_equal(results, bits(kernel(x, stored)))
 
 
-@needs("arm-none-eabi-gcc")
 def test_straight_line_on_a_cortex_m4f(sources: Path) -> None:
-    objects = build(sources, "driver.o", "arm-none-eabi-gcc", *CORTEX_M4F, "-c", "-r", "-nostdlib")
+    objects = build(
+        sources, "driver.o", "arm-none-eabi-gcc", "-std=c99", "-O2", *CORTEX_M4F, "-r", "-nostdlib"
+    )
     listing = subprocess.run(
         ["arm-none-eabi-objdump", "-d", "--no-show-raw-insn", str(objects)],
         check=True,
@@ -427,9 +430,18 @@ def test_exhaustive_measurement_of_a_binade() -> None:
     assert 1.0 < survey.ulp <= MAX_ULP
     assert 1.0 <= survey.ulp_at < 2.0
     assert 2.0**-24 < survey.relative <= MAX_RELATIVE
-    assert survey.drop_ulp <= 2.5
+    assert survey.drop_ulp <= 3
 
 
 def test_command_line_states_the_bound(capsys: pytest.CaptureFixture[str]) -> None:
     assert sig_pow.main([]) == 0
     assert f"{tables().ulp_bound:.2f} ulp" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("exponent", ["2.1", "1/0", "half"])
+def test_command_line_refuses_what_is_no_exponent(
+    exponent: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        sig_pow.main(["--exponents", exponent])
+    assert f"{exponent}: write a number from 0 to 2" in capsys.readouterr().err
