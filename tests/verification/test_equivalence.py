@@ -1,0 +1,180 @@
+"""The generated C agrees with the law, and C with a single mistake does not."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pytest
+
+from codegen.controller import Controller, load
+from codegen.law import LawOptions
+from plant.controller import LayoutError
+from plant.native import GENERATED, shared_library
+from verification.cases import shipped_scales, wrap
+from verification.equivalence import check, check_all, summary, variant, variants
+from verification.evidence import Evidence
+from verification.experiments import CONTROLLERS
+
+PUMA3 = load(CONTROLLERS / "puma3.toml")
+PUMA6 = load(CONTROLLERS / "puma6.toml")
+VARIANTS = variants(PUMA3)
+
+
+@pytest.mark.parametrize("controller", [PUMA3, PUMA6], ids=lambda c: c.name)
+def test_the_shipped_controllers_lie_in_the_enclosure(controller: Controller) -> None:
+    result = check(controller, 20_000)
+    assert result.holds, result.violations
+    assert result.evidence is Evidence.SAMPLED
+    assert result.tally.steps == 20_000
+    assert min(result.tally.saturated, result.tally.jumps, result.tally.not_finite) > 50
+    for each in (result.torque_Nm, result.sliding_integral_rad_per_s):
+        for deviation in each.values():
+            assert 0.0 < deviation.median < deviation.worst
+            # Below, the enclosure would be too wide to say anything.
+            assert 0.3 < deviation.worst_share <= 1.0
+
+
+@pytest.mark.parametrize("controller", VARIANTS, ids=[v.name for v in VARIANTS])
+def test_every_structure_of_the_law_lies_in_the_enclosure(controller: Controller) -> None:
+    result = check(controller, 3000)
+    assert result.holds, result.violations
+
+
+def test_all_structures_are_there_once() -> None:
+    assert len({v.options for v in VARIANTS}) == len({v.name for v in VARIANTS}) == 24
+    assert VARIANTS[0] is PUMA3
+    assert variant(PUMA3, LawOptions(low_pass=True)).low_pass_ratio is not None
+
+
+def test_the_same_seed_gives_the_same_figures() -> None:
+    assert check(PUMA3, 2000) == check(PUMA3, 2000)
+
+
+def test_processes_give_what_one_process_gives() -> None:
+    both = check_all([PUMA3], 200, processes=2)
+    assert list(both) == ["puma3"]
+    assert [r.controller for r in both["puma3"]] == [v.name for v in VARIANTS]
+    assert both["puma3"][0] == check(PUMA3, 200)
+    total = summary(PUMA3, both["puma3"])
+    assert (total.variants, total.tally.steps, total.violations) == (24, 4800, 0)
+
+
+@pytest.mark.parametrize("controller", [PUMA3, PUMA6], ids=lambda c: c.name)
+def test_the_conversion_factors_follow_from_the_encoder(controller: Controller) -> None:
+    for name, values in shipped_scales(controller).items():
+        for joint, value in zip(controller.joints, values, strict=True):
+            counts, sample_time = (
+                mpmath.mpf(x.numerator) / x.denominator
+                for x in (joint.counts_per_joint_rev, controller.sample_time)
+            )
+            angle = 2 * mpmath.pi / counts
+            exact = {
+                "position": angle / 256,
+                "velocity": angle / sample_time,
+                "acceleration": angle / sample_time**2,
+            }[name]
+            assert abs(value - exact) <= abs(exact) * 2.0**-24 * (1 + 2.0**-20)
+
+
+@pytest.mark.parametrize(
+    ("value", "wrapped"),
+    [(2**31, -(2**31)), (-(2**31) - 1, 2**31 - 1), (2**40 + 5, 5), (-1, -1)],
+)
+def test_wrapping_is_that_of_int32(value: int, wrapped: int) -> None:
+    assert wrap(np.array([value]))[0] == wrapped
+
+
+# --- Mutants -----------------------------------------------------------------------------------
+
+MUTANTS = {
+    "sign of the spring": ("= damping + stiffness;", "= damping - stiffness;"),
+    "sign of the acceleration": (
+        "last_torque - (gains->inertia_kgm2",
+        "last_torque + (gains->inertia_kgm2",
+    ),
+    "1/256 dropped": ("error_q8 * scale->position;", "error_q8 * 256.0f * scale->position;"),
+    "commanded torque remembered": (
+        "state->joint[i] = next[i];",
+        "state->joint[i] = next[i]; state->joint[i].applied_torque_Nm = 1.01f * torque;",
+    ),
+    "not saturated": (
+        "tdc_max(-gains->torque_limit_Nm, tdc_min(gains->torque_limit_Nm, control_torque));",
+        "control_torque;",
+    ),
+    "sample time forgotten": ("(TDC_PUMA3_SAMPLE_TIME_S * restoring)", "restoring"),
+    "rectangle of the wrong quantity": (
+        "(TDC_PUMA3_SAMPLE_TIME_S * restoring)",
+        "(TDC_PUMA3_SAMPLE_TIME_S * nonlinear_input)",
+    ),
+    "wrong exponent": (
+        "tdc_sig_pow(sliding_variable, gains->gamma)",
+        "tdc_sig_pow(sliding_variable, gains->beta)",
+    ),
+    "power off by a millionth": (
+        "gains->lambda * tdc_sig_pow(sliding_variable, gains->gamma)",
+        "gains->lambda * 1.000001f * tdc_sig_pow(sliding_variable, gains->gamma)",
+    ),
+    "position in float": (
+        "tdc_difference(counts, last->counts)",
+        "(int32_t)((float)counts - (float)last->counts)",
+    ),
+    "s reset in motion": (
+        "(running != 0u) ? last->sliding_integral_rad_per_s : -velocity_error;",
+        "-velocity_error;",
+    ),
+    "first tick as any other": (
+        "(running != 0u) ? tdc_difference(displacement_counts, last->displacement) : 0;",
+        "tdc_difference(displacement_counts, last->displacement);",
+    ),
+    "jump seen in one direction": (
+        "(displacement_counts < -gains->max_displacement)",
+        "(displacement_counts < -1073741824)",
+    ),
+    "infinity passed on": (
+        "if ((tdc_is_finite(control_torque) & tdc_is_finite(next_sliding_integral)) == 0u) {",
+        "if (tdc_is_finite(next_sliding_integral) == 0u) {",
+    ),
+    "wrong torque after an error": (
+        "(config->on_error == TDC_HOLD_TORQUE)",
+        "(config->on_error != TDC_HOLD_TORQUE)",
+    ),
+    "failed tick leaves a trace": (
+        "error_torque(config, state, torque_Nm);",
+        "error_torque(config, state, torque_Nm); state->joint[0].counts = next[0].counts;",
+    ),
+}
+
+
+def mutated(old: str, new: str, folder: Path) -> Path:
+    """A copy of puma3's C in which one piece of text, spaced in any way, is another."""
+    folder.mkdir()
+    pattern = r"\s*".join(re.escape(token) for token in re.findall(r"\w+|\S", old))
+    for source in (GENERATED / "puma3").iterdir():
+        text = source.read_text(encoding="utf-8")
+        if source.name == "tdc_puma3.c":
+            text, count = re.subn(pattern, lambda _: new, text)
+            assert count == 1, f"{old!r} stands {count} times in the C"
+        (folder / source.name).write_text(text, encoding="utf-8")
+    return folder
+
+
+@pytest.mark.parametrize("name", MUTANTS)
+def test_c_with_a_mistake_is_caught(name: str, tmp_path: Path) -> None:
+    library = shared_library(mutated(*MUTANTS[name], tmp_path / "mutant"))
+    result = check(PUMA3, 6000, library)
+    assert not result.holds
+    assert result.violations[0].steps > 0
+    assert "torque" in result.violations[0].example
+
+
+def test_an_unchanged_copy_passes(tmp_path: Path) -> None:
+    same = ("= damping + stiffness;", "= damping + stiffness;")
+    assert check(PUMA3, 2000, shared_library(mutated(*same, tmp_path / "copy"))).holds
+
+
+def test_another_controllers_library_is_refused() -> None:
+    with pytest.raises(LayoutError):
+        check(PUMA3, 10, shared_library(GENERATED / "puma6"))

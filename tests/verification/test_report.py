@@ -1,0 +1,201 @@
+"""The page needs nothing but itself, and says the same as its JSON."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter
+from collections.abc import Mapping
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from codegen.controller import load
+from verification.__main__ import main
+from verification.equivalence import check
+from verification.experiments import CONTROLLERS, Experiment, Outcome
+from verification.report.content import Results, law_block, scientific
+from verification.report.page import render, write
+from verification.symbolic import all_proofs
+
+VOID = {"meta", "br", "hr", "img", "link", "input", "path", "use"}
+
+
+class Page(HTMLParser):
+    """Collects identifiers, references, tags and what isn't closed."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.ids: list[str] = []
+        self.references: list[str] = []
+        self.tags: Counter[str] = Counter()
+        self.attributes: list[tuple[str, str]] = []
+        self.open: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Opens an element."""
+        self._take(tag, attrs)
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Takes an element that is closed at once."""
+        self._take(tag, attrs)
+
+    def handle_endtag(self, tag: str) -> None:
+        """Closes the element that was opened last."""
+        assert self.open, f"</{tag}> closes nothing"
+        assert self.open.pop() == tag
+
+    def _take(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags[tag] += 1
+        for key, value in attrs:
+            value = value or ""
+            self.attributes.append((key, value))
+            if key == "id":
+                self.ids.append(value)
+            if key in ("href", "xlink:href"):
+                self.references.append(value)
+            self.references += [f"#{i}" for i in re.findall(r"url\(#([^)]*)\)", value)]
+
+
+@pytest.fixture(scope="session")
+def results(outcomes: Mapping[Experiment, Outcome]) -> Results:
+    equivalence = {
+        name: (check(load(CONTROLLERS / f"{name}.toml"), 500),) for name in ("puma3", "puma6")
+    }
+    return Results(outcomes, equivalence, all_proofs(), 500)
+
+
+@pytest.fixture(scope="session")
+def html(results: Results) -> str:
+    return render(results)
+
+
+@pytest.fixture(scope="session")
+def page(html: str) -> Page:
+    return Page(html)
+
+
+def test_the_page_asks_for_nothing_from_outside(html: str, page: Page) -> None:
+    assert "http" not in html
+    assert "@import" not in html
+    assert not {"script", "link", "img", "iframe", "object", "embed"} & page.tags.keys()
+    assert not [a for a in page.attributes if a[0] in ("src", "srcset", "data", "poster")]
+    assert all(reference.startswith("#") for reference in page.references)
+    assert not re.findall(r"url\((?!#)", html)
+
+
+def test_every_anchor_resolves_to_one_place(page: Page) -> None:
+    assert {reference.removeprefix("#") for reference in page.references} <= set(page.ids)
+    assert [i for i, count in Counter(page.ids).items() if count > 1] == []
+    assert page.open == []
+
+
+def test_every_picture_is_inside_with_a_description(html: str, page: Page) -> None:
+    assert page.tags["svg"] == page.tags["figure"] == page.tags["figcaption"] == 6
+    assert html.count('role="img" aria-label="') == 6
+    for label in ("time [s]", "velocity [deg/s]", "|e| [deg]", "RMS error [deg]", "τ [N m]",
+                  "friction [N m]", "torque [% of limit]"):  # fmt: skip
+        assert label in html
+
+
+def test_pictures_take_the_pages_colours(html: str) -> None:
+    assert "currentColor" in html
+    assert "prefers-color-scheme: dark" in html
+    for stand_in in ("#010203", "#040506"):
+        assert stand_in not in html
+
+
+def test_it_says_on_the_first_screen_what_was_found_and_how(html: str) -> None:
+    head = html[: html.index("<main>")]
+    for evidence in ("proved", "measured", "sampled"):
+        assert f'<span class="badge {evidence}">' in head
+    assert 'name="viewport" content="width=device-width' in head
+    assert "key bad" not in head
+
+
+def test_no_time_and_no_machine_is_in_it(html: str) -> None:
+    assert not re.search(r"\b20[2-9]\d-\d\d-\d\d\b", html)
+    assert str(Path.cwd()) not in html
+    assert str(Path.home()) not in html.replace("/root", str(Path.home()))
+
+
+def test_the_same_results_give_the_same_page(results: Results, html: str) -> None:
+    assert render(results) == html
+
+
+def test_what_is_wrong_is_shown(results: Results) -> None:
+    failed = tuple(
+        type(p)(p.name, p.equation, p.statement, p.steps, "x", False) for p in results.proofs
+    )
+    bad = render(Results(results.outcomes, results.equivalence, failed, results.steps))
+    assert "key bad" in bad
+    assert "✗" in bad
+
+
+def test_page_and_json_are_written_with_the_same_figures(results: Results, tmp_path: Path) -> None:
+    path = write(results, tmp_path)
+    assert path == tmp_path / "index.html"
+    data = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+    assert len(data["proofs"]) == len(results.proofs)
+    best = next(r for r in data["table_2"] if r["experiment"] == "Exp08")
+    text = path.read_text(encoding="utf-8")
+    for value in best["ours_deg"]:
+        assert f"{value:.4f}" in text
+    assert {k["evidence"] for k in data["key_figures"]} == {"measured", "sampled", "proved"}
+
+
+def test_the_block_of_c_holds_every_quantity() -> None:
+    quantities, lines = law_block(load(CONTROLLERS / "puma3.toml"))
+    text = "\n".join(line.text for line in lines)
+    for quantity in quantities:
+        assert f"const float {quantity['name']} =" in text
+    assert all(line.defines for line in lines if line.equation)
+    assert lines[-1].text.rstrip().endswith("*/")
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.0, "0"), (0.25, "0.25"), (1.25e-7, "1.2·10⁻⁷"), (3e5, "3.0·10⁵")]
+)
+def test_small_numbers_are_written_for_a_reader(value: float, text: str) -> None:
+    assert scientific(value) == text
+
+
+# --- The command line --------------------------------------------------------------------------
+
+
+@pytest.fixture
+def scratch(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    monkeypatch.setattr("verification.__main__.RESULTS", tmp_path)
+    return tmp_path
+
+
+def test_symbolic_leaves_its_json(scratch: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["symbolic", "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert json.loads((scratch / "symbolic.json").read_text(encoding="utf-8")) == printed
+    assert all(proof["holds"] for proof in printed["proofs"])
+
+
+def test_equivalence_leaves_its_json(scratch: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["equivalence", "--steps", "40", "--controller", "puma3"]) == 0
+    data = json.loads((scratch / "equivalence.json").read_text(encoding="utf-8"))
+    assert data["summaries"][0]["tally"]["steps"] == 24 * 40
+    assert "puma3" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("steps", ["0", "many", "-5", "1e5"])
+def test_a_bad_number_of_steps_is_refused(steps: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(["equivalence", "--steps", steps])
+    assert stop.value.code == 2
+    assert "number of steps" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("scratch")
+def test_an_unknown_controller_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["equivalence", "--controller", "puma9"]) == 2
+    assert "puma9.toml" in capsys.readouterr().err

@@ -1,0 +1,1 @@
+"""Proofs, experiments and equivalence checks of the generated C, and the report on them."""

@@ -1,0 +1,233 @@
+"""Checks the generated C, flies the paper's experiments, and writes the report."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from codegen.c99 import UnprintableError
+from codegen.controller import Controller, load
+from codegen.emit import GenerationError
+from codegen.problems import SpecificationError
+from plant.closed_loop import ControllerError, PlantError
+from plant.controller import LayoutError
+from plant.native import BUILD, CompilerError
+from plant.robot import RobotError
+from verification.equivalence import check_all, summary, variants
+from verification.evidence import RESULTS, plain, write_json
+from verification.experiments import (
+    ALL,
+    CONTROLLERS,
+    beside_the_paper,
+    conduct_all,
+    improvements,
+    rank_correlation,
+)
+from verification.report.content import Results
+from verification.report.page import write
+from verification.symbolic import Proof, all_proofs
+
+REPORT = BUILD / "report"
+DEFAULT_STEPS = 100_000
+NAMES = ("puma3", "puma6")
+
+_BAD_INPUT = (
+    SpecificationError,
+    GenerationError,
+    UnprintableError,
+    RobotError,
+    PlantError,
+    LayoutError,
+    CompilerError,
+    OSError,
+)
+
+
+@contextmanager
+def _bar(console: Console, says: str, total: int) -> Iterator[Callable[[int], None]]:
+    """A progress bar on standard error; yields what moves it on."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task(says, total=total)
+        yield lambda done: progress.advance(task, done)
+
+
+def _shown(path: Path) -> Path:
+    return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
+
+
+def _leave(data: Any, name: str, as_json: bool, console: Console) -> None:
+    """Writes a command's figures beside what it prints."""
+    path = write_json(data, RESULTS / f"{name}.json")
+    if as_json:
+        print(json.dumps(plain(data), indent=2, sort_keys=True, ensure_ascii=False))
+    else:
+        console.print(f"figures: {_shown(path)}")
+
+
+# --- Commands ----------------------------------------------------------------------------------
+
+
+def _proofs(progress: Console) -> tuple[Proof, ...]:
+    with progress.status("computer algebra"):
+        return all_proofs()
+
+
+def _symbolic(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
+    proofs = _proofs(progress)
+    if not arguments.json:
+        for proof in proofs:
+            verdict = "[green]proved[/green]" if proof.holds else "[red]NOT proved[/red]"
+            console.print(f"{verdict}  {proof.equation:10} {proof.statement}")
+            if not proof.holds:
+                console.print(f"  residual: {proof.residual}", style="red")
+    _leave({"proofs": list(proofs)}, "symbolic", arguments.json, console)
+    return 0 if all(proof.holds for proof in proofs) else 1
+
+
+def _controllers(names: Sequence[str]) -> list[Controller]:
+    return [load(CONTROLLERS / f"{name}.toml") for name in names]
+
+
+def _equivalence(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
+    controllers = _controllers(arguments.controller or NAMES)
+    total = sum(len(variants(c)) for c in controllers) * arguments.steps
+    with _bar(progress, "steps of the C", total) as advance:
+        results = check_all(controllers, arguments.steps, advance)
+    summaries = [summary(c, results[c.name]) for c in controllers]
+    if not arguments.json:
+        table = Table("controller", "laws", "steps", "violations", "torque [N m]", "s - ed [rad/s]")
+        for s in summaries:
+            table.add_row(
+                s.controller,
+                str(s.variants),
+                f"{s.tally.steps:,}".replace(",", " "),
+                str(s.violations),
+                f"{s.torque_Nm.worst:.2g}, {s.torque_Nm.worst_share:.0%} of the bound",
+                f"{s.sliding_integral_rad_per_s.worst:.2g}, "
+                f"{s.sliding_integral_rad_per_s.worst_share:.0%}",
+            )
+        console.print(table)
+        for each in results.values():
+            for result in each:
+                for violation in result.violations:
+                    console.print(
+                        f"{result.controller}: {violation.steps} steps: {violation.example}",
+                        style="red",
+                    )
+    _leave({"summaries": summaries, "variants": results}, "equivalence", arguments.json, console)
+    return 0 if all(s.violations == 0 for s in summaries) else 1
+
+
+def _experiments(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
+    with _bar(progress, "closed loops", len(ALL)) as advance:
+        outcomes = conduct_all(advance=lambda _: advance(1))
+    rows = beside_the_paper(outcomes)
+    if not arguments.json:
+        table = Table("row", "RMS [deg]: joint 1", "2", "3", "paper", "", "", "ratio", "", "")
+        for row in rows:
+            table.add_row(
+                row.experiment,
+                *(f"{v:.4f}" for v in (*row.ours_deg, *row.paper_deg)),
+                *(f"{v:.2f}" for v in row.ratio),
+            )
+        console.print(table)
+    data = {
+        "experiments": [outcome.summary() for outcome in outcomes.values()],
+        "table_2": [{**plain(row), "ratio": row.ratio} for row in rows],
+        "rms_over_exp08": improvements(rows),
+        "rank_correlation": rank_correlation(rows),
+    }
+    _leave(data, "experiments", arguments.json, console)
+    return 0
+
+
+def _report(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
+    controllers = _controllers(NAMES)
+    proofs = _proofs(progress)
+    with _bar(progress, "closed loops", len(ALL)) as advance:
+        outcomes = conduct_all(advance=lambda _: advance(1))
+    total = sum(len(variants(c)) for c in controllers) * arguments.steps
+    with _bar(progress, "steps of the C", total) as advance:
+        equivalence = check_all(controllers, arguments.steps, advance)
+    with progress.status("pictures"):
+        page = write(Results(outcomes, equivalence, proofs, arguments.steps), arguments.output)
+    console.print(f"report: {_shown(page)}")
+    good = all(p.holds for p in proofs) and all(r.holds for e in equivalence.values() for r in e)
+    if not good:
+        console.print("Some checks failed; the report says which.", style="red")
+    return 0 if good else 1
+
+
+# --- Command line ------------------------------------------------------------------------------
+
+
+def _steps(text: str) -> int:
+    if not text.isdecimal() or not 2 <= int(text) <= 10**9:
+        raise argparse.ArgumentTypeError(f"a number of steps from 2 to 10^9, not {text!r}")
+    return int(text)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m verification", description=__doc__)
+    commands = parser.add_subparsers(dest="command", required=True)
+
+    def command(name: str, run: Callable[..., int], says: str) -> argparse.ArgumentParser:
+        added = commands.add_parser(name, help=says, description=says)
+        added.set_defaults(run=run)
+        return added
+
+    def with_json(added: argparse.ArgumentParser) -> None:
+        added.add_argument("--json", action="store_true", help="print JSON instead of a table")
+
+    def with_steps(added: argparse.ArgumentParser) -> None:
+        added.add_argument(
+            "--steps", type=_steps, default=DEFAULT_STEPS, help="random steps for each structure"
+        )
+
+    report = command("report", _report, "run everything and write build/report/index.html")
+    with_steps(report)
+    report.add_argument("--output", type=Path, default=REPORT, help="directory of the report")
+
+    equivalence = command("equivalence", _equivalence, "the generated C against the law in double")
+    with_steps(equivalence)
+    equivalence.add_argument(
+        "--controller", action="append", metavar="NAME", help="of controllers/; again for more"
+    )
+    with_json(equivalence)
+
+    with_json(command("experiments", _experiments, "Table II and more, flown on the plant"))
+    with_json(command("symbolic", _symbolic, "the proofs in computer algebra"))
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs the command line; returns 0, 1 where a check failed, 2 for bad input."""
+    options = _parser().parse_args(arguments)
+    progress = Console(stderr=True)
+    try:
+        return int(options.run(options, Console(highlight=False, soft_wrap=False), progress))
+    except ControllerError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    except _BAD_INPUT as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main())

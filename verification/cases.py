@@ -1,0 +1,215 @@
+"""Random steps for the equivalence check: configurations, states and inputs of the C structures.
+
+Two regimes are drawn in turn. ``rig`` stays near what a robot sees with gains near the shipped
+ones, so that the deviations found there mean something to a control engineer. ``wide`` spans
+decades of every gain, exponents over their whole range, and signals from one encoder unit to the
+full scale. In both, positions lie anywhere on the 32-bit circle and often at its seam.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codegen.controller import Controller
+from codegen.layout import scale_values
+from plant.controller import Structures
+
+Records = NDArray[Any]
+"""A structured array that lies in memory like an array of the C structure."""
+
+Regime = Literal["rig", "wide"]
+REGIMES: tuple[Regime, ...] = get_args(Regime)
+
+PHASE_START, PHASE_RUNNING = 0x54444301, 0x54444302
+
+_EXPONENTS = ("alpha", "beta", "gamma")
+_DECADES = ("inertia_kgm2", "kd", "kp", "lambda", "torque_limit_Nm")
+_SPECIAL_EXPONENTS = np.array([0.4, 0.5, 0.6, 0.95, 0.98, 1.0, 1.2, 1.5, 95 / 105])
+
+
+@dataclass(frozen=True)
+class Cases:
+    """Arguments of many steps, one record a step; the C writes the states in place."""
+
+    config: Records
+    state: Records
+    input: Records
+
+    def __len__(self) -> int:
+        return len(self.input)
+
+
+def has(records: Records, name: str) -> bool:
+    """Whether the structure has a field; some exist only in some structures of the law."""
+    return name in (records.dtype.names or ())
+
+
+def wrap(value: NDArray[np.int64]) -> NDArray[np.int64]:
+    """An integer modulo 2^32, as the int32 that has these bits."""
+    wrapped: NDArray[np.int64] = (value + 2**31) % 2**32 - 2**31
+    return wrapped
+
+
+def draw(
+    controller: Controller,
+    structures: Structures,
+    default_config: ctypes.Structure,
+    steps: int,
+    regime: Regime,
+    rng: np.random.Generator,
+) -> Cases:
+    """Random steps of one regime; about 2 % have an encoder jump, 1 % a value that isn't finite."""
+    config = np.zeros(steps, np.dtype(structures.config))
+    config[:] = np.frombuffer(bytes(default_config), config.dtype)[0]
+    state = np.zeros(steps, np.dtype(structures.state))
+    given = np.zeros(steps, np.dtype(structures.input))
+    _draw_gains(config, regime, rng)
+    _draw_positions(config, state, given, regime, rng)
+    _draw_signals(controller, config, state, given, regime, rng)
+    _spoil(given, rng)
+    return Cases(config, state, given)
+
+
+def _draw_gains(config: Records, regime: Regime, rng: np.random.Generator) -> None:
+    joint = config["joint"]
+    shape = joint.shape
+    decades = 0.3 if regime == "rig" else 1.5
+    for name in _DECADES:
+        joint[name] *= 10.0 ** rng.uniform(-decades, decades, shape)
+    if regime == "wide":
+        # A torque at its limit says nothing of the law: most of these gains need more room.
+        joint["torque_limit_Nm"] *= 10.0
+    config["on_error"] = rng.integers(0, 2, len(config))
+    if has(joint, "low_pass_ratio"):
+        joint["low_pass_ratio"] = rng.uniform(2.0**-10, 1.0, shape)
+    if regime == "rig":
+        return
+    for name in ("kd", "kp", "lambda"):
+        joint[name][rng.random(shape) < 0.05] = 0.0
+    for name in _EXPONENTS:
+        smallest = -(2**31) if name == "gamma" else -(2**31) + 1
+        drawn = rng.integers(smallest, 2**31, shape)
+        special = np.rint((rng.choice(_SPECIAL_EXPONENTS, shape) - 1.0) * 2.0**31)
+        ends = rng.choice([smallest, 2**31 - 1], shape)
+        kind = rng.random(shape)
+        joint[name] = np.select([kind < 0.5, kind < 0.95], [drawn, special], ends)
+
+
+def _signed_decades(
+    rng: np.random.Generator, low: float, high: float, shape: Sequence[int]
+) -> NDArray[np.float64]:
+    """Numbers of either sign, their magnitude uniform in decades from 10^low to 10^high."""
+    drawn: NDArray[np.float64] = 10.0 ** rng.uniform(low, high, shape)
+    drawn *= rng.choice([-1.0, 1.0], shape)
+    return drawn
+
+
+def _integers(rng: np.random.Generator, largest: float, shape: Sequence[int]) -> NDArray[np.int64]:
+    """Integers of either sign over all magnitudes, with many small ones and zeros."""
+    drawn = np.rint(_signed_decades(rng, -0.7, np.log10(largest), shape)).astype(np.int64)
+    return np.clip(drawn, -(2**31), 2**31 - 1)
+
+
+def _draw_positions(
+    config: Records, state: Records, given: Records, regime: Regime, rng: np.random.Generator
+) -> None:
+    joint = state["joint"]
+    shape = joint.shape
+    limit = config["joint"]["max_displacement"].astype(np.int64)
+
+    def small(largest: NDArray[np.int64]) -> NDArray[np.int64]:
+        return np.clip(_integers(rng, float(largest.max()), shape), -largest, largest)
+
+    anywhere = rng.integers(-(2**31), 2**31, shape)
+    seam = wrap(2**31 + rng.integers(-2000, 2000, shape))
+    origin = rng.integers(-2000, 2000, shape)
+    counts = rng.choice([0, 1, 2], shape)
+    counts = np.choose(counts, [anywhere, seam, origin])
+    moved = small(limit)
+    # A jump of one joint makes an error of the whole step: few steps may have one.
+    jump = (rng.random(len(state)) < 0.02)[:, None] & (rng.random(shape) < 0.5)
+    moved = np.where(jump, rng.integers(-(2**31), 2**31, shape), moved)
+    now = wrap(counts + moved)
+    largest_error = 2.0**14 if regime == "rig" else 2.0**31
+    error = _integers(rng, largest_error, shape)
+
+    state["phase"] = np.where(rng.random(len(state)) < 0.125, PHASE_START, PHASE_RUNNING)
+    state["saturated_joints"] = rng.integers(0, 2 ** shape[1], len(state))
+    joint["counts"] = counts
+    # An acceleration of one count a tick a tick is already several rad/s^2.
+    largest_change = np.minimum(limit, 3 if regime == "rig" else 64)
+    joint["displacement"] = wrap(moved + small(largest_change))
+    if has(joint, "displacement_change"):
+        joint["displacement_change"] = small(largest_change)
+    if has(joint, "error_q8"):
+        change = small(np.minimum(256 * limit, 2**31 - 1))
+        joint["error_q8"] = wrap(error - change)
+    given["counts"] = now
+    given["reference_position_q8"] = wrap(wrap(now * 256) + error)
+
+
+def _draw_signals(
+    controller: Controller,
+    config: Records,
+    state: Records,
+    given: Records,
+    regime: Regime,
+    rng: np.random.Generator,
+) -> None:
+    joint = state["joint"]
+    shape = joint.shape
+    high = 0.0 if regime == "rig" else 1.5
+    rad_per_s = np.array([j.rad_per_count for j in controller.joints]) / float(
+        controller.sample_time
+    )
+    moved = wrap(given["counts"].astype(np.int64) - joint["counts"])
+    # Errors are small when the reference moves like the robot; with an independent reference
+    # every step would be a huge error.
+    velocity = np.clip(moved * rad_per_s, -20.0, 20.0) + _signed_decades(rng, -7, high, shape)
+    given["reference_velocity_rad_per_s"] = velocity
+    given["reference_acceleration_rad_per_s2"] = _signed_decades(rng, -4, 1 + high, shape)
+    if has(joint, "reference_velocity_rad_per_s"):
+        joint["reference_velocity_rad_per_s"] = velocity + _signed_decades(rng, -5, -1, shape)
+    limit = config["joint"]["torque_limit_Nm"]
+    joint["applied_torque_Nm"] = limit * rng.uniform(-1.0, 1.0, shape)
+    if has(given, "applied_torque_Nm"):
+        given["applied_torque_Nm"] = limit * rng.uniform(-1.5, 1.5, shape)
+    measured = moved * rad_per_s
+    velocity_error = velocity - measured
+    if has(joint, "error_q8"):
+        error = wrap(given["reference_position_q8"] - 256 * given["counts"].astype(np.int64))
+        velocity_error = wrap(error - joint["error_q8"]) * rad_per_s / 256
+    if has(joint, "reference_velocity_rad_per_s"):
+        velocity_error = (velocity + joint["reference_velocity_rad_per_s"]) / 2 - measured
+    joint["sliding_integral_rad_per_s"] = _sliding_integral(velocity_error, high, rng)
+
+
+def _sliding_integral(
+    velocity_error: NDArray[np.float64], high: float, rng: np.random.Generator
+) -> NDArray[np.float64]:
+    """Often close to -ed: s is then small, where lambda sig(s)^gamma is steepest."""
+    shape = velocity_error.shape
+    near_zero = -velocity_error + _signed_decades(rng, -8, -1, shape)
+    choices = [near_zero, _signed_decades(rng, -8, high, shape), np.zeros(shape)]
+    chosen = rng.choice(3, shape, p=[0.6, 0.35, 0.05])
+    return np.choose(chosen, choices)
+
+
+def _spoil(given: Records, rng: np.random.Generator) -> None:
+    """Puts a NaN or an infinity into a few steps."""
+    names = [n for n in given.dtype.names or () if given.dtype[n].base == np.float32]
+    joints = given["counts"].shape[1]
+    for row in np.flatnonzero(rng.random(len(given)) < 0.01):
+        given[rng.choice(names)][row, rng.integers(joints)] = rng.choice([np.nan, np.inf, -np.inf])
+
+
+def shipped_scales(controller: Controller) -> dict[str, NDArray[np.float64]]:
+    """The binary32 conversion factors that the C holds, by name, shape (joints,)."""
+    each = [scale_values(controller, joint) for joint in controller.joints]
+    return {name: np.array([values[name] for values in each]) for name in each[0]}

@@ -1,0 +1,64 @@
+"""The four kinds of evidence, which are never mixed, and the JSON that every check leaves."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from plant.native import BUILD
+
+RESULTS = BUILD / "verification"
+"""Where the commands leave their figures."""
+
+
+class Evidence(Enum):
+    """What a claim rests on; a claim never wears a stronger word than it earned."""
+
+    PROVED = "proved"
+    EXHAUSTIVE = "exhaustive"
+    MEASURED = "measured"
+    SAMPLED = "sampled"
+
+    @property
+    def meaning(self) -> str:
+        """One sentence for the reader of a report."""
+        return _MEANING[self]
+
+
+_MEANING = {
+    Evidence.PROVED: "holds by algebra for every value of the symbols; no number was tried",
+    Evidence.EXHAUSTIVE: "every case was tried; there are no others",
+    Evidence.MEASURED: "an experiment was run on the simulated plant and its result is given",
+    Evidence.SAMPLED: "random cases were tried; those that were not may differ",
+}
+
+
+def plain(value: object) -> Any:
+    """Dataclasses, enumerations, tuples and numpy values as JSON's own types."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if isinstance(value, Enum):
+        return plain(value.value)
+    if isinstance(value, dict):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)  # JSON has no infinities, and what is wrong must still be told
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    return value
+
+
+def write_json(value: object, path: Path) -> Path:
+    """Writes a value as JSON, with sorted keys so that equal results are equal bytes."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(plain(value), indent=2, sort_keys=True, ensure_ascii=False, allow_nan=False)
+    path.write_text(text + "\n", encoding="utf-8")
+    return path

@@ -1,0 +1,342 @@
+"""What the report says: every figure and sentence that depends on a result, as plain data."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from codegen.controller import Controller, load
+from codegen.emit import generate
+from plant.robot import load_robot
+from verification.equivalence import Equivalence, Summary, summary
+from verification.evidence import Evidence, plain
+from verification.experiments import (
+    CONTROLLERS,
+    FASTER,
+    FIGURE_5,
+    PEAK_WINDOW_S,
+    SIX_JOINTS,
+    Beside,
+    Experiment,
+    Gain,
+    Outcome,
+    beside_the_paper,
+    improvements,
+    rank_correlation,
+    reversal_peaks_deg,
+    reversal_times_s,
+)
+from verification.paper import PAPER, REFERENCE_ROW
+from verification.report import figures
+from verification.report.style import house_style, inline_svg
+from verification.symbolic import Proof
+
+FASTER_PAPER_DEG = (0.0017, 0.0025, 0.0030)
+"""RMS errors at 50 % more speed, section IV-C of the paper [deg]."""
+
+
+@dataclass(frozen=True)
+class Results:
+    """What was checked, from which the report is made.
+
+    Attributes:
+        outcomes: the outcomes; the rows of Fig. 5, the faster one and the six joints at least.
+        equivalence: by controller, a result a variant.
+        proofs: the symbolic proofs.
+        steps: random steps for each variant.
+    """
+
+    outcomes: Mapping[Experiment, Outcome]
+    equivalence: Mapping[str, Sequence[Equivalence]]
+    proofs: Sequence[Proof]
+    steps: int
+
+
+@dataclass(frozen=True)
+class KeyFigure:
+    """A figure for the first screen."""
+
+    value: str
+    unit: str
+    says: str
+    evidence: Evidence
+    anchor: str
+    good: bool
+
+
+@dataclass(frozen=True)
+class Picture:
+    """An SVG element with its caption."""
+
+    name: str
+    svg: str
+    caption: str
+    evidence: Evidence | None
+
+
+@dataclass(frozen=True)
+class CodeLine:
+    """A line of the generated C; ``defines`` where it is part of a quantity's definition."""
+
+    number: int
+    text: str
+    equation: str
+    defines: bool
+
+
+@dataclass(frozen=True)
+class Command:
+    """How to get a figure again."""
+
+    figure: str
+    command: str
+    leaves: str
+
+
+def scientific(value: float) -> str:
+    """A small positive number for a reader, such as 1.3·10⁻⁷."""
+    if value == 0.0:
+        return "0"
+    if not math.isfinite(value):
+        return str(value)
+    mantissa, exponent = f"{value:.1e}".split("e")
+    if -3 <= int(exponent) <= 3:
+        return f"{value:.2g}"
+    superscript = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"{mantissa}·10{superscript}"
+
+
+def _spread(values: Sequence[float], form: str) -> str:
+    """Least and largest of some values."""
+    low, high = form.format(min(values)), form.format(max(values))
+    return low if low == high else f"{low} to {high}"
+
+
+def key_figures(
+    rows: Sequence[Beside],
+    gains: Sequence[Gain],
+    summaries: Sequence[Summary],
+    proofs: Sequence[Proof],
+) -> tuple[KeyFigure, ...]:
+    """The figures of the first screen, each with the kind of evidence behind it."""
+    best = next(row for row in rows if row.experiment == REFERENCE_ROW)
+    hsia = next(gain for gain in gains if gain.experiment == "Exp01")
+    steps = sum(s.tally.steps for s in summaries)
+    violations = sum(s.violations for s in summaries)
+    held = sum(proof.holds for proof in proofs)
+    return (
+        KeyFigure(
+            _spread(best.ours_deg, "{:.4f}"),
+            "deg RMS",
+            f"tracking error of Exp08, joints 1 to 3; the paper's robot: "
+            f"{_spread(best.paper_deg, '{:.4f}')}",
+            Evidence.MEASURED,
+            "table-2",
+            all(0.5 <= r <= 2.0 for r in best.ratio),
+        ),
+        KeyFigure(
+            _spread(hsia.ours, "{:.0f}"),
+            "times",
+            f"smaller error than Hsia's law (Exp01) by joint; the paper's robot: "
+            f"{_spread(hsia.paper, '{:.0f}')}",
+            Evidence.MEASURED,
+            "table-2",
+            min(hsia.ours) >= 8.0,
+        ),
+        KeyFigure(
+            f"{violations}",
+            f"of {steps / 1e6:.1f} million steps" if steps >= 1e6 else f"of {steps} steps",
+            "in which the generated C left the bound around the law in double precision",
+            Evidence.SAMPLED,
+            "equivalence",
+            violations == 0,
+        ),
+        KeyFigure(
+            f"{held}",
+            f"of {len(proofs)} statements",
+            "hold in computer algebra: the closed loop (32), its sampled form, the special cases",
+            Evidence.PROVED,
+            "proofs",
+            held == len(proofs),
+        ),
+    )
+
+
+def law_block(controller: Controller) -> tuple[list[dict[str, Any]], list[CodeLine]]:
+    """The quantities of the manifest, and the lines of C from the first to the last of them."""
+    files = generate(controller).files
+    quantities: list[dict[str, Any]] = json.loads(files["manifest.json"])["quantities"]
+    equation = {q["line"]: q["equation"] for q in quantities}
+    text = files[quantities[0]["file"]].splitlines()
+    first, last = min(equation) - 1, max(equation)
+    lines: list[CodeLine] = []
+    number, inside = first, False
+    # A definition may run over several lines, the last one too; it ends with its semicolon.
+    while number <= last or inside:
+        line = text[number - 1]
+        inside = inside or number in equation
+        lines.append(CodeLine(number, line.removeprefix("    "), equation.get(number, ""), inside))
+        inside = inside and ";" not in line
+        number += 1
+    return quantities, lines
+
+
+_PICTURE_EVIDENCE = dict.fromkeys(
+    ("errors", "table-2", "torques", "reversal", "six-joints"), Evidence.MEASURED
+)
+"""The desired trajectory is none: it is what was asked for."""
+
+
+def pictures(results: Results) -> dict[str, Picture]:
+    """All pictures by name."""
+    outcomes = results.outcomes
+    four = [outcomes[experiment] for experiment in FIGURE_5]
+    best, six = outcomes[FIGURE_5[-1]], outcomes[SIX_JOINTS]
+    rows = [r for r in beside_the_paper(outcomes) if r.experiment in figures.LABELS]
+    resolution = np.rad2deg([abs(j.rad_per_count) for j in load(CONTROLLERS / "puma3.toml").joints])
+    turn = reversal_times_s(best)[0]
+    with house_style():
+        drawn = {
+            "trajectory": (
+                figures.trajectory(best),
+                "Desired trajectory: four fifth-order polynomials in 12 s. All joints move alike "
+                "from different postures.",
+            ),
+            "errors": (
+                figures.errors(four, resolution),
+                f"Tracking error: the largest in each {1000 * figures.ENVELOPE_S:.0f} ms, on a "
+                "logarithmic scale. One encoder count is the dotted line.",
+            ),
+            "table-2": (
+                figures.table_2_dots(rows),
+                "RMS errors on the simulated plant (filled) and on the paper's robot (open).",
+            ),
+            "torques": (
+                figures.torques(best),
+                "Torques that the drives applied in Exp08, and their limits.",
+            ),
+            "reversal": (
+                figures.reversal(four, turn),
+                f"Joint 1 around t = {turn:.1f} s, where the velocity changes its sign and the "
+                "friction with it.",
+            ),
+            "six-joints": (
+                figures.all_joints(six),
+                "The same law on all six joints of a PUMA 560, gains of Exp08: errors (largest in "
+                f"each {1000 * figures.ENVELOPE_S:.0f} ms) and torques.",
+            ),
+        }
+        return {
+            name: Picture(
+                name, inline_svg(figure, name, caption), caption, _PICTURE_EVIDENCE.get(name)
+            )
+            for name, (figure, caption) in drawn.items()
+        }
+
+
+COMMANDS = (
+    Command(
+        "everything in this report",
+        "python -m verification report",
+        "build/report/index.html, build/report/report.json",
+    ),
+    Command(
+        "tracking, Table II, torques, reversal, six joints",
+        "python -m verification experiments",
+        "build/verification/experiments.json",
+    ),
+    Command(
+        "the generated C against the law",
+        "python -m verification equivalence --steps {steps}",
+        "build/verification/equivalence.json",
+    ),
+    Command("the proofs", "python -m verification symbolic", "build/verification/symbolic.json"),
+    Command("the generated C itself", "python -m codegen generate", "generated/"),
+)
+
+
+@dataclass(frozen=True)
+class _Tables:
+    rows: tuple[Beside, ...]
+    gains: tuple[Gain, ...]
+    summaries: tuple[Summary, ...]
+
+
+def _tables(results: Results) -> _Tables:
+    rows = beside_the_paper(results.outcomes)
+    summaries = tuple(
+        summary(load(CONTROLLERS / f"{name}.toml"), each)
+        for name, each in results.equivalence.items()
+    )
+    return _Tables(rows, improvements(rows), summaries)
+
+
+def as_json(results: Results) -> dict[str, Any]:
+    """The report's figures as plain data."""
+    tables = _tables(results)
+    return {
+        "paper": str(PAPER),
+        "key_figures": plain(
+            key_figures(tables.rows, tables.gains, tables.summaries, results.proofs)
+        ),
+        "experiments": [plain(outcome.summary()) for outcome in results.outcomes.values()],
+        "table_2": [
+            {**plain(row), "ratio": plain(row.ratio), "evidence": Evidence.MEASURED.value}
+            for row in tables.rows
+        ],
+        "rms_over_exp08": [plain(gain) for gain in tables.gains],
+        "rank_correlation": plain(rank_correlation(tables.rows)),
+        "equivalence": {
+            "steps_each": results.steps,
+            "summaries": plain(tables.summaries),
+            "variants": {name: plain(each) for name, each in results.equivalence.items()},
+        },
+        "proofs": plain(list(results.proofs)),
+    }
+
+
+def context(results: Results) -> dict[str, Any]:
+    """What the page's template is given."""
+    tables = _tables(results)
+    controller = load(CONTROLLERS / "puma3.toml")
+    quantities, lines = law_block(controller)
+    best = results.outcomes[FIGURE_5[-1]]
+    turns = reversal_times_s(best)
+    peaks = {
+        experiment.row: reversal_peaks_deg(results.outcomes[experiment], turns)
+        for experiment in FIGURE_5
+    }
+    faster = results.outcomes[FASTER]
+    return {
+        "paper": PAPER,
+        "keys": key_figures(tables.rows, tables.gains, tables.summaries, results.proofs),
+        "kinds": list(Evidence),
+        "pictures": pictures(results),
+        "rows": tables.rows,
+        "gains": tables.gains,
+        "ranks": rank_correlation(tables.rows),
+        "faster": Beside("Exp08", "", faster.rms_deg, FASTER_PAPER_DEG),
+        "best": best,
+        "turns": turns,
+        "peaks": peaks,
+        "window": PEAK_WINDOW_S,
+        "six": results.outcomes[SIX_JOINTS],
+        "sources": load_robot(best.experiment.robot).sources,
+        "six_sources": load_robot(SIX_JOINTS.robot).sources,
+        "steps": results.steps,
+        "summaries": tables.summaries,
+        "variants": results.equivalence,
+        "proofs": results.proofs,
+        "controller": controller,
+        "quantities": quantities,
+        "lines": lines,
+        "commands": [
+            Command(c.figure, c.command.format(steps=results.steps), c.leaves) for c in COMMANDS
+        ],
+        "scientific": scientific,
+    }
