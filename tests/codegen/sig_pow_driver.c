@@ -7,8 +7,10 @@
 
 #include "tdc_sig_pow.h"
 
+/* Called through ctypes, and looked up in the object file. NOLINTBEGIN(misc-use-internal-linkage) */
 void sig_pow_batch(const float *x, const int32_t *minus_one_q31, float *result, size_t count);
 float sig_pow_alone(float x, tdc_exponent a);
+/* NOLINTEND(misc-use-internal-linkage) */
 
 void sig_pow_batch(const float *x, const int32_t *minus_one_q31, float *result, size_t count)
 {
