@@ -197,8 +197,10 @@ def initial_sliding_integral(velocity_error: SX) -> SX:
 def next_sliding_integral(sliding_integral: SX, restoring: SX, sample_time: SX) -> SX:
     """The integral part of (26) one sample later [rad/s].
 
-    The rectangle rule on the sample that ends here: with it the sampled closed loop gives
-    s(t+L) - s(t) = L (eps - lambda sig(s)^gamma), which is (32) sample by sample.
+    The rectangle rule on the sample that begins here: with it the sampled closed loop gives
+    s(t+L) - s(t) = L (eps + rho - lambda sig(s)^gamma), which is (32) sample by sample while no
+    joint saturates; rho is what the sampled reference lacks of qdd_d = d/dt qd_d, and depends on
+    the reference alone (proved in ``verification.symbolic``).
     """
     return sliding_integral + sample_time * restoring
 

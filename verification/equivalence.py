@@ -488,6 +488,8 @@ def _distances(batch: _Batch, name: str, values: Doubles) -> tuple[Doubles, Doub
 
 def _deviation(batches: Sequence[tuple[Doubles, Doubles]]) -> Deviation:
     distance, share = (np.concatenate(each) for each in zip(*batches, strict=True))
+    if distance.size == 0:
+        return Deviation(0.0, 0.0, 0.0)  # no step that must succeed was drawn
     return Deviation(float(np.median(distance)), float(distance.max()), float(share.max()))
 
 

@@ -180,14 +180,20 @@ def test_symbolic_leaves_its_json(scratch: Path, capsys: pytest.CaptureFixture[s
     assert all(proof["holds"] for proof in printed["proofs"])
 
 
+@pytest.mark.usefixtures("scratch")
+def test_formulas_are_printed_as_they_are(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["symbolic"]) == 0
+    assert "s[k+1] - s[k] = L (ε[k]" in " ".join(capsys.readouterr().out.split())
+
+
 def test_equivalence_leaves_its_json(scratch: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["equivalence", "--steps", "40", "--controller", "puma3"]) == 0
+    assert main(["equivalence", "--steps", "100", "--controller", "puma3"]) == 0
     data = json.loads((scratch / "equivalence.json").read_text(encoding="utf-8"))
-    assert data["summaries"][0]["tally"]["steps"] == 24 * 40
+    assert data["summaries"][0]["tally"]["steps"] == 24 * 100
     assert "puma3" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("steps", ["0", "many", "-5", "1e5"])
+@pytest.mark.parametrize("steps", ["0", "99", "many", "-5", "1e5"])
 def test_a_bad_number_of_steps_is_refused(steps: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stop:
         main(["equivalence", "--steps", steps])
