@@ -105,7 +105,7 @@ class Segment:
 
 @dataclass(frozen=True)
 class SigPowTables:
-    """The tables of sig_pow, and what is proved of its error.
+    """The tables of sig_pow, and a bound of its error (fits checked at 65 points a segment).
 
     Attributes:
         log2: 64 words; log2(1 + m) - m in units 2^-24, less 128.
