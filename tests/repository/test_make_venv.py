@@ -149,6 +149,8 @@ def test_an_interrupted_setup_leaves_no_stamp(project: Project, how: signal.Sign
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
+        # Tests that run in the background inherit an ignored SIGINT; a terminal's set-up doesn't.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     deadline = time.monotonic() + 30
     while not (project.root / "hanging").exists() and time.monotonic() < deadline:
