@@ -59,10 +59,34 @@ report: setup
 simulate: setup
 	@$(run) -m plant simulate $(or $(CONTROLLER),controllers/puma3.toml) --experiment $(EXPERIMENT)
 
+## Build the firmware stub: every controller for every board, into build/firmware/
+.PHONY: firmware
+firmware: setup
+	@tools/system_tools.sh test firmware
+	@$(MAKE) --no-print-directory -C firmware_stub every
+
+## Measure flash, RAM and stack of the firmware per controller and board
+.PHONY: size
+size: setup
+	@tools/system_tools.sh test firmware
+	@$(run) -m verification.size
+
+## Processor in the loop: 12 000 ticks with the controller on each emulated board, bit for bit
+.PHONY: pil
+pil: setup
+	@tools/system_tools.sh test firmware
+	@$(run) -m verification.pil
+
+## Count instructions, flash and stack of one step against CasADi's C, on M4F, M7 and RV32
+.PHONY: bench
+bench: setup
+	@tools/system_tools.sh test firmware
+	@$(run) -m verification.bench
+
 ## Run the tests; narrow them with PYTEST_ARGS="-k WORD"
 .PHONY: test
 test: setup
-	@tools/system_tools.sh test
+	@tools/system_tools.sh test firmware
 	@$(run) -m pytest --numprocesses auto $(PYTEST_ARGS)
 
 ## Check style, types and C rules: ruff, mypy, clang-format, clang-tidy, cppcheck (MISRA), gcc

@@ -20,6 +20,7 @@ complain() { printf '%s\n' "$*" >&2; }
 
 has() {
     case $1 in
+        /*) [ -e "$1" ] ;;
         *@*) "${1#*@}" -c "import ${1%%@*}" >/dev/null 2>&1 ;;
         *:*)
             command -v "${1%%:*}" >/dev/null 2>&1 &&

@@ -1,0 +1,1 @@
+"""Tests of the firmware, on this computer and on emulated boards."""

@@ -1,0 +1,175 @@
+"""The firmware on every board: it builds without a warning, and the application works there."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+import verification.firmware
+from codegen.emit import REPOSITORY
+from verification.firmware import (
+    STUB,
+    Application,
+    Board,
+    ToolError,
+    board_names,
+    build,
+    emulated_board_names,
+    emulator,
+    facts,
+    load_board,
+)
+
+BOARDS = ("mps2-an386", "mps2-an500", "riscv-virt")
+
+# Columns of report_record, and the numbers of app_mode and app_fault.
+TICK, MODE, FAULT, STATUS, OVERRUNS = range(5)
+DISABLED, HOLDING, RUNNING, IN_FAULT = range(4)
+CONTROLLER_FAULT, OVERRUN_FAULT, ENCODER_FAULT = 1, 2, 3
+ENCODER_JUMP = -4
+
+
+def in_mode(mode: int) -> Callable[[str], bool]:
+    return lambda line: line.split()[MODE : MODE + 1] == [str(mode)]
+
+
+def numbers(line: str) -> list[int]:
+    return [int(word) for word in line.split()]
+
+
+def test_all_boards_are_tested() -> None:
+    assert tuple(board_names()) == BOARDS
+
+
+@pytest.mark.parametrize("controller", ["puma3", "puma6"])
+@pytest.mark.parametrize("board", BOARDS)
+def test_every_image_builds_without_a_warning(board: str, controller: str) -> None:
+    for image in ("app", "pil", "pil_uart"):
+        assert build(load_board(board), controller, image).is_file()
+
+
+@pytest.fixture(params=BOARDS)
+def application(request: pytest.FixtureRequest) -> Iterator[Application]:
+    board = load_board(request.param)
+    with Application(board, build(board, "puma3", "app")) as running:
+        running.wait_for(in_mode(DISABLED))
+        yield running
+
+
+def start(application: Application) -> None:
+    application.press("r")
+    application.wait_for(in_mode(HOLDING))
+    application.wait_for(in_mode(RUNNING))
+
+
+def test_overruns_of_the_real_timer_end_in_a_fault(application: Application) -> None:
+    start(application)
+    application.press("o")
+    told = numbers(application.wait_for(in_mode(IN_FAULT)))
+    assert told[FAULT] == OVERRUN_FAULT
+    assert told[OVERRUNS] == 3
+    # The numbers of a thousand ticks: none was late but those that were made so.
+    assert all(
+        numbers(line)[OVERRUNS] == 0
+        for line in application.lines
+        if in_mode(RUNNING)(line) or in_mode(HOLDING)(line)
+    )
+
+
+def test_faults_and_the_way_out_of_them(application: Application) -> None:
+    for key, fault in (("j", CONTROLLER_FAULT), ("e", ENCODER_FAULT)):
+        start(application)
+        application.press(key)
+        told = numbers(application.wait_for(in_mode(IN_FAULT)))
+        assert told[FAULT] == fault
+        if fault == CONTROLLER_FAULT:
+            assert told[STATUS] == ENCODER_JUMP
+        application.press("r")
+        application.wait_for(in_mode(IN_FAULT))
+        application.press("d")
+        application.wait_for(in_mode(DISABLED))
+
+
+def test_a_processor_exception_stops_the_robot(application: Application) -> None:
+    start(application)
+    application.press("x")
+    assert application.wait_for(lambda line: line.startswith("EMERGENCY"))
+
+
+def first_move(board: Board) -> list[list[int]]:
+    """Counts and torques along the first move of the reference after the switch to running."""
+    with Application(board, build(board, "puma3", "app")) as application:
+        start(application)
+        while not 1000 <= numbers(application.lines[-1])[TICK] % 4000 < 2000:
+            application.wait_for(in_mode(RUNNING))
+        while numbers(application.lines[-1])[TICK] % 4000 < 2000:
+            application.wait_for(in_mode(RUNNING))
+        told = [numbers(line) for line in application.lines if in_mode(RUNNING)(line)]
+    return [row[7:] for row in told if 1000 <= row[TICK] % 4000 < 2000 and row[TICK] % 100 == 0]
+
+
+def test_the_application_moves_the_same_on_all_boards() -> None:
+    moves = [first_move(load_board(name)) for name in BOARDS]
+    assert len(moves[0]) == 10
+    assert len({tuple(row) for row in moves[0]}) == 10, "the robot moves"
+    assert moves[0] == moves[1] == moves[2]
+
+
+def test_unknown_board() -> None:
+    with pytest.raises(ToolError, match=r"no board 'esp32'; there are mps2-an386"):
+        load_board("esp32")
+
+
+def test_facts_are_plain_assignments(tmp_path: Path) -> None:
+    file = tmp_path / "board.mk"
+    file.write_text("# comment\nA := b c\n", encoding="utf-8")
+    assert facts(file) == {"A": "b c"}
+    file.write_text("A := $(B)\n", encoding="utf-8")
+    with pytest.raises(ToolError, match="not of the form"):
+        facts(file)
+
+
+def test_what_is_missing_is_named_with_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "/nowhere")
+    board = load_board("riscv-virt")
+    with pytest.raises(ToolError, match=r"qemu-system-riscv32.*apt-get install qemu-system-misc"):
+        emulator(board, Path("x.elf"))
+    with pytest.raises(ToolError, match="apt-get install make"):
+        build(board, "puma3", "app")
+
+
+def test_a_compiler_error_is_shown(tmp_path: Path) -> None:
+    board = load_board("mps2-an386")
+    with pytest.raises(ToolError, match="unrecognized command-line option"):
+        build(board, "puma3", "pil", output=tmp_path, extra_flags="-fno-such-thing")
+
+
+def test_a_board_may_exist_as_hardware_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stub = tmp_path / "firmware_stub"
+    shutil.copytree(STUB, stub)
+    mine = stub / "boards" / "mine" / "board.mk"
+    mine.parent.mkdir()
+    text = (STUB / "boards" / "mps2-an386" / "board.mk").read_text(encoding="utf-8")
+    mine.write_text("\n".join(x for x in text.splitlines() if not x.startswith("QEMU")) + "\n")
+    monkeypatch.setattr(verification.firmware, "STUB", stub)
+    assert set(board_names()) - set(emulated_board_names()) == {"mine"}
+    with pytest.raises(ToolError, match="mine has no emulator"):
+        emulator(load_board("mine"), Path("x.elf"))
+
+
+def test_a_new_board_is_a_folder(tmp_path: Path) -> None:
+    """As the README says, on a copy of the stub."""
+    stub = tmp_path / "firmware_stub"
+    shutil.copytree(STUB, stub)
+    shutil.copytree(stub / "boards" / "mps2-an386", stub / "boards" / "mine")
+    generated = REPOSITORY / "generated" / "puma3"
+    words = ["BOARD=mine", "CONTROLLER=puma3", f"GENERATED={generated}", f"OUT={tmp_path}/out"]
+    done = subprocess.run(["make", "-C", stub, *words], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out" / "app.elf").is_file()

@@ -1,0 +1,124 @@
+"""The bench's figures as a table for a terminal and as a picture for the report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from rich import box
+from rich.table import Table
+
+from verification.bench.rows import Row
+from verification.bench.variants import LINEAR_FLOOR, PROJECT, PROJECT_LINEAR, VARIANTS
+from verification.report.style import INK, PALETTE, WIDTH_IN
+
+_TITLES = {variant.name: variant.title for variant in VARIANTS}
+# Ours, the floor, and all others: told apart by lightness as well as by hue.
+_COLOURS = {
+    PROJECT.name: PALETTE[0],
+    PROJECT_LINEAR.name: PALETTE[0],
+    LINEAR_FLOOR.name: PALETTE[2],
+}
+_OTHERS = PALETTE[1]
+_BAR = 0.38
+
+
+def _thousands(value: float) -> str:
+    """A number in groups of three digits, with thin spaces as SI writes them."""
+    return f"{value:,.0f}".replace(",", "\N{NARROW NO-BREAK SPACE}")
+
+
+def _cores(rows: Iterable[Row]) -> list[str]:
+    return list(dict.fromkeys(row.core for row in rows))
+
+
+def tables(rows: Sequence[Row]) -> list[Table]:
+    """A table of all variants for each core and number of joints."""
+    places = dict.fromkeys((row.core, row.joints) for row in rows)
+    return [
+        _table(core, joints, [r for r in rows if (r.core, r.joints) == (core, joints)])
+        for core, joints in places
+    ]
+
+
+def _table(core: str, joints: int, rows: Sequence[Row]) -> Table:
+    # Narrow enough for a terminal of 80 columns.
+    made = Table(title=f"{core}, n = {joints}", title_justify="left", box=box.SIMPLE_HEAD)
+    made.add_column("variant", no_wrap=True)
+    for heading in ("mean", "fewest - most", "ratio", "flash", "stack"):
+        made.add_column(heading, justify="right", no_wrap=True)
+    for row in rows:
+        made.add_row(
+            _TITLES[row.variant],
+            _thousands(row.instructions_per_step),
+            f"{_thousands(row.fewest_instructions)} - {_thousands(row.worst_instructions)}",
+            f"{row.times_the_project:.3g}",
+            _thousands(row.flash_bytes),
+            _thousands(row.stack_bytes),
+            style="bold" if row.variant == PROJECT.name else "",
+        )
+    return made
+
+
+def cases(rows: Sequence[Row], joints: int) -> Table:
+    """What each special tick costs this project's step, a column a core."""
+    chosen = [row for row in rows if row.variant == PROJECT.name and row.joints == joints]
+    made = Table(title=f"this project, n = {joints}", title_justify="left", box=box.SIMPLE_HEAD)
+    made.add_column("tick")
+    for row in chosen:
+        made.add_column(row.core, justify="right", no_wrap=True)
+    made.add_row("recorded motion, mean", *(_thousands(r.instructions_per_step) for r in chosen))
+    made.add_row("recorded motion, most", *(_thousands(r.instructions_max) for r in chosen))
+    for same in zip(*(row.special_cases for row in chosen), strict=True):
+        name = same[0].name + (" (error)" if same[0].fails else "")
+        made.add_row(name, *(_thousands(case.instructions) for case in same))
+    made.add_row("random bits, most", *(_thousands(r.random_bits_instructions) for r in chosen))
+    return made
+
+
+def chart(rows: Sequence[Row]) -> Figure:
+    """Instructions per step as bars, logarithmic: a panel a core, a bar for each number of joints.
+
+    The thin line on a bar goes from the shortest to the longest of all ticks, special cases
+    included: where it is long, the step's time depends on the data.
+    """
+    cores = _cores(rows)
+    variants = [v.name for v in VARIANTS if any(row.variant == v.name for row in rows)]
+    height = 0.5 + len(cores) * (0.45 + 0.36 * len(variants))
+    figure = Figure(figsize=(WIDTH_IN, height), layout="constrained")
+    panels = figure.subplots(len(cores), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, core in zip(panels, cores, strict=True):
+        _panel(axes, [row for row in rows if row.core == core], variants)
+        axes.set_title(core)
+    panels[-1].set_xlabel("instructions per step")
+    least = min(row.fewest_instructions for row in rows)
+    most = max(row.worst_instructions for row in rows)
+    # A logarithmic axis has no zero; on the right, room for the numbers behind the longest bars.
+    panels[-1].set_xlim(left=10.0 ** math.floor(math.log10(least)), right=most * 20)
+    return figure
+
+
+def _panel(axes: Axes, rows: Sequence[Row], variants: Sequence[str]) -> None:
+    joints = sorted({row.joints for row in rows})
+    for row in rows:
+        place = variants.index(row.variant) + (joints.index(row.joints) - 0.5) * _BAR
+        colour = _COLOURS.get(row.variant, _OTHERS)
+        light = 1.0 if row.joints == joints[0] else 0.55
+        axes.barh(place, row.instructions_per_step, _BAR, color=colour, alpha=light)
+        ends = [row.fewest_instructions, row.worst_instructions]
+        axes.plot(ends, [place, place], color=INK, linewidth=0.8)
+        axes.annotate(
+            f"{_thousands(row.instructions_per_step)}  (n = {row.joints})",
+            (max(row.instructions_per_step, row.worst_instructions), place),
+            xytext=(4, 0),
+            textcoords="offset points",
+            verticalalignment="center",
+            fontsize=7.5,
+        )
+    axes.set_xscale("log")
+    axes.set_yticks(range(len(variants)), [_TITLES[name] for name in variants])
+    axes.invert_yaxis()
+    axes.grid(visible=False, axis="y")
+    axes.tick_params(axis="y", length=0)

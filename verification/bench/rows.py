@@ -1,0 +1,361 @@
+"""The bench's rows: every variant on every core, for three and for six joints."""
+
+from __future__ import annotations
+
+import math
+import os
+import tempfile
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from plant.native import BUILD
+from verification.bench.count import Replay, emulator_version, replay
+from verification.bench.program import (
+    Data,
+    Prepared,
+    Program,
+    build,
+    compiler_version,
+    flags,
+    harness,
+    library,
+    library_version,
+    plugin,
+    prepare,
+    require_tools,
+    write_data,
+)
+from verification.bench.recording import ROBOTS, TICKS, Kind, Replayed, all_sequences
+from verification.bench.variants import (
+    NAIVE_DOUBLE,
+    PROJECT,
+    PROJECT_LINEAR,
+    VARIANTS,
+    Variant,
+)
+from verification.evidence import Evidence, write_json
+from verification.firmware import Board, board_names, load_board
+
+JOINTS = tuple(ROBOTS)
+RESULT = BUILD / "bench" / "step.json"
+
+
+class BenchError(Exception):
+    """What was measured can't be right, so that no figure is given."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """The instructions of one special tick.
+
+    Attributes:
+        name: what is special.
+        fails: whether this project's step answers it with an error.
+        instructions: of that tick.
+    """
+
+    name: str
+    fails: bool
+    instructions: int
+
+
+@dataclass(frozen=True)
+class Row:
+    """What a variant costs on a core.
+
+    Attributes:
+        variant: name of the variant (see :mod:`verification.bench.variants`).
+        core: the processor.
+        board: the emulated board.
+        joints: number of joints n.
+        instructions_per_step: mean over the recorded motion, the call and its return included.
+        instructions_min: fewest in the recorded motion.
+        instructions_max: most in the recorded motion.
+        fewest_instructions: fewest in any tick, special cases and random bits included.
+        worst_instructions: most in any tick.
+        worst_case: what that tick was.
+        random_bits_instructions: most in the ticks of random bits.
+        special_cases: each directed case.
+        flash_bytes: code, tables and initial values, those of the C library included.
+        stack_bytes: deepest stack of any tick.
+        cross_checked_ticks: ticks counted both by the plugin and by the guest's timer.
+        disagreements: ticks in which the two counts differ.
+        torque_difference_Nm: largest difference from the torques of the variant that it is
+            compared with, over the recorded motion; 0 for that variant itself [N m].
+        times_the_project: instructions_per_step over those of this project's step.
+    """
+
+    variant: str
+    core: str
+    board: str
+    joints: int
+    instructions_per_step: float
+    instructions_min: int
+    instructions_max: int
+    fewest_instructions: int
+    worst_instructions: int
+    worst_case: str
+    random_bits_instructions: int
+    special_cases: tuple[Case, ...]
+    flash_bytes: int
+    stack_bytes: int
+    cross_checked_ticks: int
+    disagreements: int
+    torque_difference_Nm: float
+    times_the_project: float
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How far the time of this project's step depends on the data.
+
+    Attributes:
+        core: the processor.
+        joints: number of joints.
+        fewest: instructions of the shortest tick that gives a torque.
+        most: of the longest one.
+        error_most: of the longest tick that ends with an error.
+        random_bits_most: of the longest tick on random bits.
+    """
+
+    core: str
+    joints: int
+    fewest: int
+    most: int
+    error_most: int
+    random_bits_most: int
+
+    @property
+    def relative(self) -> float:
+        """How much longer the longest good tick is than the shortest."""
+        return self.most / self.fewest - 1.0
+
+    @property
+    def statement(self) -> str:
+        """What the report states, and the tests hold the step to."""
+        return (
+            f"{self.core}, n = {self.joints}: {self.fewest} to {self.most} instructions "
+            f"({self.relative:.1%}) for a tick that gives a torque, be it the first, saturated or "
+            f"subnormal; at most {self.error_most} for one that ends with an error, at most "
+            f"{self.random_bits_most} on random bits."
+        )
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """With what a core's rows were measured."""
+
+    core: str
+    compiler: str
+    flags: str
+    library: str
+    emulator: str
+
+
+@dataclass(frozen=True)
+class Result:
+    """All that the bench found."""
+
+    rows: tuple[Row, ...]
+    spreads: tuple[Spread, ...]
+    conditions: tuple[Conditions, ...]
+    evidence: Evidence = Evidence.MEASURED
+
+
+# Which variant's torques a variant must reproduce: the one that computes the same law.
+_REFERENCE = {
+    variant.name: PROJECT_LINEAR.name if variant.experiment else NAIVE_DOUBLE.name
+    for variant in VARIANTS
+}
+TORQUE_TOLERANCE_NM = 1e-2
+"""Float against double over the recorded motion; another law would differ by newton metres."""
+
+
+def measure(
+    boards: Iterable[str] | None = None,
+    joints: Iterable[int] = JOINTS,
+    variants: Sequence[Variant] = VARIANTS,
+    advance: Callable[[], None] = lambda: None,
+) -> Result:
+    """Writes, compiles, runs and counts; always everything anew.
+
+    Args:
+        boards: names of boards, all of them by default.
+        joints: numbers of joints.
+        variants: must contain this project's step and the naive one, which the others are
+            compared with.
+        advance: called after each program.
+
+    Raises:
+        BenchError: the two ways to count disagree, or a variant computes another law.
+        verification.firmware.ToolError: a tool is missing or failed.
+    """
+    chosen = [load_board(name) for name in (boards or board_names())]
+    for board in chosen:
+        require_tools(board)
+    with tempfile.TemporaryDirectory(prefix="bench-") as scratch:
+        directory = Path(scratch)
+        counter = plugin(directory)
+        jobs = []
+        with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+            for n in joints:
+                sequences = all_sequences(n)
+                data = write_data(n, sequences, directory)
+                prepared = [prepare(variant, n, directory) for variant in variants]
+                jobs += [
+                    pool.submit(
+                        _measure_board, b, prepared, data, sequences, counter, directory, advance
+                    )
+                    for b in chosen
+                ]
+            rows = tuple(row for job in jobs for row in job.result())
+    return Result(rows, spreads(rows), tuple(map(_conditions, chosen)))
+
+
+def _measure_board(
+    board: Board,
+    prepared: Sequence[Prepared],
+    data: Data,
+    sequences: tuple[Replayed, ...],
+    counter: Path,
+    directory: Path,
+    advance: Callable[[], None],
+) -> list[Row]:
+    common = harness(board, prepared[0], data, directory)
+    replays: dict[str, Replay] = {}
+    rows: list[Row] = []
+    for each in prepared:
+        program = build(board, each, common, directory)
+        found = replay(program, counter, data.ticks)
+        replays[each.variant.name] = found
+        rows.append(_row(program, found, sequences))
+        advance()
+    rows = [replace(r, torque_difference_Nm=_difference(r, replays)) for r in rows]
+    project = next(r for r in rows if r.variant == PROJECT.name).instructions_per_step
+    rows = [replace(r, times_the_project=r.instructions_per_step / project) for r in rows]
+    for row in rows:
+        _check(row)
+    return rows
+
+
+def _row(program: Program, found: Replay, sequences: tuple[Replayed, ...]) -> Row:
+    counts = found.instructions
+    recorded: list[int] = []
+    random: list[int] = []
+    cases: list[Case] = []
+    names: list[str] = []
+    for sequence in sequences:
+        first = len(names)
+        names += [sequence.name] * len(sequence.ticks)
+        last = counts[len(names) - 1]
+        if sequence.kind is Kind.RECORDED:
+            recorded += counts[first : len(names)]
+        elif sequence.kind is Kind.RANDOM:
+            random.append(last)
+        else:
+            cases.append(Case(sequence.name, sequence.fails, last))
+    worst = max(counts)
+    return Row(
+        variant=program.prepared.variant.name,
+        core=program.board.core,
+        board=program.board.name,
+        joints=program.prepared.joints,
+        instructions_per_step=math.fsum(recorded) / len(recorded),
+        instructions_min=min(recorded),
+        instructions_max=max(recorded),
+        fewest_instructions=min(counts),
+        worst_instructions=worst,
+        worst_case=names[counts.index(worst)],
+        random_bits_instructions=max(random),
+        special_cases=tuple(cases),
+        flash_bytes=program.flash_bytes,
+        stack_bytes=max(found.stack_bytes),
+        cross_checked_ticks=len(counts),
+        disagreements=found.disagreements,
+        torque_difference_Nm=0.0,
+        times_the_project=1.0,
+    )
+
+
+def _difference(row: Row, replays: dict[str, Replay]) -> float:
+    """Largest torque difference to the reference, over the recorded ticks, which come first."""
+    mine = replays[row.variant].torque_Nm[:TICKS]
+    reference = replays[_REFERENCE[row.variant]].torque_Nm[:TICKS]
+    return max(
+        abs(a - b)
+        for ours, theirs in zip(mine, reference, strict=True)
+        for a, b in zip(ours, theirs, strict=True)
+    )
+
+
+def _check(row: Row) -> None:
+    where = f"{row.variant} on {row.core}, n = {row.joints}"
+    if row.disagreements:
+        raise BenchError(
+            f"{where}: plugin and timer disagree in {row.disagreements} of "
+            f"{row.cross_checked_ticks} ticks"
+        )
+    # Written so that NaN fails as well.
+    if not row.torque_difference_Nm <= TORQUE_TOLERANCE_NM:
+        raise BenchError(
+            f"{where}: the torque differs by {row.torque_difference_Nm:.3g} N m from that of "
+            f"{_REFERENCE[row.variant]}: it computes another law"
+        )
+
+
+def spreads(rows: Iterable[Row]) -> tuple[Spread, ...]:
+    """How far the time of this project's step depends on the data, for each core."""
+    return tuple(
+        Spread(
+            row.core,
+            row.joints,
+            min(row.instructions_min, *_instructions(row, fails=False)),
+            max(row.instructions_max, *_instructions(row, fails=False)),
+            max(_instructions(row, fails=True)),
+            row.random_bits_instructions,
+        )
+        for row in rows
+        if row.variant == PROJECT.name
+    )
+
+
+def _instructions(row: Row, *, fails: bool) -> list[int]:
+    return [case.instructions for case in row.special_cases if case.fails == fails]
+
+
+def row_of(rows: Iterable[Row], variant: Variant, core: str, joints: int) -> Row:
+    """The row of a variant on a core.
+
+    Raises:
+        KeyError: there is none.
+    """
+    for row in rows:
+        if (row.variant, row.core, row.joints) == (variant.name, core, joints):
+            return row
+    raise KeyError(f"no row for {variant.name} on {core}, n = {joints}")
+
+
+def _conditions(board: Board) -> Conditions:
+    return Conditions(
+        board.core,
+        f"{board.toolchain}gcc {compiler_version(board)}",
+        " ".join(flags(board)),
+        f"{library(board).name} {library_version(board)}",
+        f"{emulator_version(board)}, {board.name}",
+    )
+
+
+def save(result: Result, path: Path = RESULT) -> Path:
+    """Writes the figures as JSON."""
+    return write_json(
+        {
+            "rows": result.rows,
+            "step_time": [{**vars(s), "statement": s.statement} for s in result.spreads],
+            "conditions": result.conditions,
+            "variants": {v.name: {"title": v.title, "meaning": v.meaning} for v in VARIANTS},
+            "evidence": result.evidence,
+        },
+        path,
+    )

@@ -1,0 +1,60 @@
+#ifndef BENCH_H
+#define BENCH_H
+
+/*
+ * What the bench's target program is made of. A variant of the control step defines bench_reset
+ * and bench_step; main.c replays recorded inputs through them and measures each call.
+ */
+
+#include <stdint.h>
+
+#include "firmware_stub/controller.h"
+
+/* --- A variant of the step ------------------------------------------------------------------- */
+
+/** Switches the controller on, in standstill at these counts under this torque [N m]. */
+void bench_reset(const int32_t counts[JOINTS], const float holding_torque_Nm[JOINTS]);
+
+/** One tick: what is measured. Every variant takes the same input and gives the same output. */
+void bench_step(const controller_input *input, float torque_Nm[JOINTS]);
+
+/* --- The data: written by the bench, see data.S ---------------------------------------------- */
+
+/** Consecutive ticks after one switch-on. */
+typedef struct {
+    uint32_t ticks;
+    int32_t counts[JOINTS];
+    float holding_torque_Nm[JOINTS]; /* [N m] */
+} bench_sequence;
+
+extern const uint32_t bench_sequence_count;
+extern const bench_sequence bench_sequences[];
+/** The inputs of all sequences, one after the other. */
+extern const controller_input bench_inputs[];
+
+typedef struct {
+    uint32_t timer; /* timer counts from before the call to after it */
+    uint32_t stack; /* [byte] */
+    float torque_Nm[JOINTS];
+} bench_result;
+
+/** A result for each input, in the same order, after one for an empty step. */
+extern bench_result bench_results[];
+extern const uint32_t bench_results_bytes;
+
+/* --- Measured calls: timed_call_CORE.S ------------------------------------------------------- */
+
+typedef void bench_function(const controller_input *input, float torque_Nm[JOINTS]);
+
+/** Starts the timer, and gives the C library what it needs. */
+void bench_prepare(void);
+
+/** Calls the function between two readings of the timer; returns the timer counts between. */
+uint32_t bench_timed_call(bench_function *function, const controller_input *input,
+                          float torque_Nm[JOINTS]);
+
+/** Calls the function on a painted stack; returns the bytes down to the deepest word written. */
+uint32_t bench_painted_call(bench_function *function, const controller_input *input,
+                            float torque_Nm[JOINTS]);
+
+#endif

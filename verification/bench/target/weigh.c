@@ -1,0 +1,15 @@
+/*
+ * A program of nothing but one step, to be linked and weighed, never run. The linker drops what
+ * the step does not reach; the same program around an empty step is subtracted.
+ */
+
+#include "verification/bench/target/bench.h"
+
+static controller_input input;
+static float torque_Nm[JOINTS];
+
+int main(void)
+{
+    bench_step(&input, torque_Nm);
+    return 0;
+}

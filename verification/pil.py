@@ -1,0 +1,739 @@
+"""Processor in the loop: the controller on an emulated microcontroller drives the simulated robot.
+
+At every tick the encoder counts and the reference go to the target, and its torque moves the
+plant. The host's compiled C is stepped on the same inputs, and every torque has to have the same
+bits. What the target says comes through two FIFOs by semihosting, or through its serial port.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import hashlib
+import os
+import re
+import select
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from codegen.controller import load
+from codegen.emit import REPOSITORY, identity
+from codegen.problems import SpecificationError
+from plant.closed_loop import (
+    ControllerError,
+    ControllerOutput,
+    Floats,
+    PlantError,
+    build_plant,
+    simulate,
+)
+from plant.controller import GeneratedController, LayoutError
+from plant.flight import DEFAULT_ROBOTS
+from plant.native import BUILD, CompilerError
+from plant.robot import load_robot
+from plant.trajectory import Reference, RestToRest
+from verification.evidence import Evidence, write_json
+from verification.firmware import (
+    SERIAL_ON_STDIO,
+    STUB,
+    Board,
+    ToolError,
+    build,
+    common_facts,
+    emulated_board_names,
+    emulator,
+    load_board,
+)
+
+RESULT = BUILD / "pil" / "pil.json"
+
+Link = Literal["semihosting", "uart"]
+IMAGES: dict[Link, str] = {"semihosting": "pil", "uart": "pil_uart"}
+
+# An emulated tick takes microseconds; a target that is silent for this long has crashed.
+SILENCE_S = 20.0
+_LOOK_AFTER_S = 0.2
+
+
+class TargetError(Exception):
+    """The target is silent, has ended, or holds another controller."""
+
+
+# --- The target -------------------------------------------------------------------------------
+
+
+def _protocol() -> dict[str, int]:
+    """The numbers that `pil/protocol.h` defines, by name."""
+    text = (STUB / "pil" / "protocol.h").read_text(encoding="utf-8")
+    found = re.findall(r"^#define (PIL_\w+) (\w+?)u\b", text, flags=re.MULTILINE)
+    return {name: int(value, 0) for name, value in found}
+
+
+@dataclass(frozen=True)
+class Reply:
+    """What the target answers to a request.
+
+    Attributes:
+        status: of ``tdc_NAME_init`` or ``tdc_NAME_step``.
+        stack_bytes: the controller's stack below its caller, 0 where it was not measured.
+        torque_Nm: shape (n,).
+    """
+
+    status: int
+    stack_bytes: int
+    torque_Nm: NDArray[np.float32]
+
+
+class Target:
+    """A controller on an emulated board; a context manager that leaves no process behind.
+
+    Args:
+        board: the board.
+        image: the ELF file of `pil.elf` or `pil_uart.elf`.
+        controller: the host's side of the same controller.
+        link: how the image talks.
+
+    Raises:
+        ToolError: the emulator is missing.
+        TargetError: the image does not run, or holds another controller.
+    """
+
+    def __init__(
+        self,
+        board: Board,
+        image: Path,
+        controller: GeneratedController,
+        link: Link = "semihosting",
+    ) -> None:
+        self._board, self._image, self._link = board, image, link
+        self._numbers = _protocol()
+        joints = controller.joints
+        config, given = type(controller.config), type(controller.input)
+        self._reset_bytes = ctypes.sizeof(config) + 8 * joints
+        self._payload_bytes = max(self._reset_bytes, ctypes.sizeof(given))
+        self.reply = np.dtype([("status", "<i4"), ("stack", "<u4"), ("torque", "<f4", (joints,))])
+        self._hello = np.array(
+            [
+                self._numbers["PIL_MAGIC"],
+                identity(controller.specification),
+                joints,
+                ctypes.sizeof(config),
+                ctypes.sizeof(given),
+                4 + self._payload_bytes,
+                self.reply.itemsize,
+            ],
+            dtype="<u4",
+        )
+        self._scratch = tempfile.TemporaryDirectory(prefix="tdc-pil-")
+        self._files: list[int] = []
+        self._process: subprocess.Popen[bytes] | None = None
+        try:
+            self._start()
+            self._check_hello()
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Self:
+        """The target itself, already running."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Ends the emulator."""
+        self.close()
+
+    def _start(self) -> None:
+        scratch = Path(self._scratch.name)
+        with (scratch / "messages").open("wb") as messages:
+            if self._link == "semihosting":
+                self._start_on_fifos(scratch, messages.fileno())
+            else:
+                self._start_on_pipes(messages.fileno())
+        for file in self._files:
+            os.set_blocking(file, False)
+
+    def _start_on_fifos(self, scratch: Path, messages: int) -> None:
+        for name in ("from_host", "to_host"):
+            os.mkfifo(scratch / name)
+        # Opened for both directions, the FIFO needs no reader yet, so that nobody waits here.
+        self._files.append(os.open(scratch / "from_host", os.O_RDWR | os.O_CLOEXEC))
+        self._files.append(os.open(scratch / "to_host", os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC))
+        options = tuple(common_facts()["QEMU_SEMIHOSTING"].split())
+        self._process = subprocess.Popen(
+            emulator(self._board, self._image.resolve(), options),
+            cwd=scratch,
+            stdin=subprocess.DEVNULL,
+            stdout=messages,
+            stderr=messages,
+        )
+
+    def _start_on_pipes(self, messages: int) -> None:
+        self._process = subprocess.Popen(
+            emulator(self._board, self._image.resolve(), SERIAL_ON_STDIO),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=messages,
+            bufsize=0,
+        )
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        # Our own copies: Popen closes its ends with the process.
+        self._files.append(os.dup(self._process.stdin.fileno()))
+        self._files.append(os.dup(self._process.stdout.fileno()))
+        self._process.stdin.close()
+        self._process.stdout.close()
+
+    def _check_hello(self) -> None:
+        hello = np.frombuffer(self.exchange(b"", self._hello.nbytes), "<u4")
+        if not np.array_equal(hello, self._hello):
+            raise TargetError(
+                f"{self._image} holds another controller than the host: it says {hello.tolist()}, "
+                f"the host expects {self._hello.tolist()} (pil_hello in pil/protocol.h)"
+            )
+
+    def exchange(self, requests: bytes, reply_bytes: int) -> bytes:
+        """Sends requests, and reads meanwhile until so many bytes have come back.
+
+        Raises:
+            TargetError: the target ended or fell silent.
+        """
+        to_target, from_target = self._files
+        to_send, received = memoryview(requests), bytearray()
+        deadline = time.monotonic() + SILENCE_S
+        waiting = select.poll()
+        waiting.register(from_target, select.POLLIN)
+        if to_send:
+            waiting.register(to_target, select.POLLOUT)
+        while to_send or len(received) < reply_bytes:
+            events = dict(waiting.poll(_LOOK_AFTER_S * 1e3))
+            if events:
+                deadline = time.monotonic() + SILENCE_S
+            elif self._has_ended() or time.monotonic() > deadline:
+                raise self._silent()
+            if events.get(to_target, 0) & select.POLLOUT:
+                to_send = to_send[self._write(to_target, to_send) :]
+                if not to_send:
+                    waiting.unregister(to_target)
+            if from_target in events:
+                part = os.read(from_target, max(reply_bytes - len(received), 1))
+                if not part:
+                    raise self._silent()
+                received += part
+        return bytes(received)
+
+    def _write(self, file: int, data: memoryview) -> int:
+        try:
+            return os.write(file, data)
+        except BlockingIOError:  # a pipe takes a small write whole or not at all
+            return 0
+        except BrokenPipeError:
+            raise self._silent() from None
+
+    def _has_ended(self) -> bool:
+        return self._process is None or self._process.poll() is not None
+
+    def _silent(self) -> TargetError:
+        # The end of its output comes a moment before the end of a process.
+        with suppress(subprocess.TimeoutExpired):
+            if self._process is not None:
+                self._process.wait(timeout=_LOOK_AFTER_S)
+        messages = (Path(self._scratch.name) / "messages").read_text(errors="replace").strip()
+        how = "ended" if self._has_ended() else f"said nothing for {SILENCE_S:g} s"
+        return TargetError(
+            f"the target {self._board.name} ({self._image}) {how}"
+            + (f"; the emulator says:\n{messages}" if messages else "")
+        )
+
+    def _request(self, command: str, payload: bytes) -> bytes:
+        number = self._numbers[command].to_bytes(4, "little")
+        return number + payload.ljust(self._payload_bytes, b"\0")
+
+    def _ask(self, command: str, payload: bytes) -> Reply:
+        answer = self.exchange(self._request(command, payload), self.reply.itemsize)
+        record = np.frombuffer(answer, self.reply)[0]
+        return Reply(int(record["status"]), int(record["stack"]), record["torque"].copy())
+
+    def _reset_payload(
+        self, config: ctypes.Structure, counts: NDArray[np.int32], torque_Nm: Floats
+    ) -> bytes:
+        return bytes(config) + counts.astype("<i4").tobytes() + torque_Nm.astype("<f4").tobytes()
+
+    def reset(
+        self, config: ctypes.Structure, counts: NDArray[np.int32], torque_Nm: Floats
+    ) -> Reply:
+        """Calls ``tdc_NAME_init`` on the target, with this configuration."""
+        return self._ask("PIL_RESET", self._reset_payload(config, counts, torque_Nm))
+
+    def step(self, given: bytes, *, measured: bool = False) -> Reply:
+        """Calls ``tdc_NAME_step`` on the target.
+
+        Args:
+            given: the bytes of a ``tdc_NAME_input``.
+            measured: whether the target also measures the step's stack.
+        """
+        return self._ask("PIL_MEASURED_STEP" if measured else "PIL_STEP", given)
+
+    def replay(self, inputs: Sequence[bytes], *, measured: bool = False) -> NDArray[Any]:
+        """Streams recorded inputs without waiting for each reply; records of type ``reply``."""
+        command = "PIL_MEASURED_STEP" if measured else "PIL_STEP"
+        requests = b"".join(self._request(command, given) for given in inputs)
+        return np.frombuffer(self.exchange(requests, len(inputs) * self.reply.itemsize), self.reply)
+
+    def close(self) -> None:
+        """Ends the emulator and removes its files; may be called again."""
+        # The end of its FIFO is what the target takes for the end of the run.
+        for file in self._files:
+            os.close(file)
+        self._files.clear()
+        if self._process is not None:
+            if self._link == "uart":
+                self._process.terminate()
+            try:
+                self._process.wait(timeout=2.0)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+        self._scratch.cleanup()
+
+
+# --- The loop ---------------------------------------------------------------------------------
+
+
+@dataclass
+class Recording:
+    """What both sides did, tick by tick.
+
+    Attributes:
+        start: counts and holding torque of the reset.
+        inputs: bytes of each ``tdc_NAME_input``.
+        target: the target's torques and statuses.
+        host: the same of the host's C.
+        exchange_s: time from sending an input to having its torque, added up.
+    """
+
+    start: tuple[NDArray[np.int32], Floats] | None = None
+    inputs: list[bytes] = field(default_factory=list)
+    target: list[ControllerOutput] = field(default_factory=list)
+    host: list[ControllerOutput] = field(default_factory=list)
+    exchange_s: float = 0.0
+
+
+class TargetController:
+    """The target as the closed loop sees it, with the host's C beside it on the same inputs.
+
+    Fulfils :class:`plant.closed_loop.Controller`; the loop gets the target's torque.
+
+    Args:
+        target: a running target.
+        host: the same controller on the host, tuned as it is to fly.
+    """
+
+    def __init__(self, target: Target, host: GeneratedController) -> None:
+        self._target, self._host = target, host
+        self.recording = Recording()
+
+    def reset(self, counts: NDArray[np.int32], holding_torque_Nm: Floats, /) -> int:
+        """Switches both on; returns the target's status.
+
+        Raises:
+            TargetError: the host's status is another.
+        """
+        self.recording = Recording(start=(counts.copy(), holding_torque_Nm.copy()))
+        of_host = self._host.reset(counts, holding_torque_Nm)
+        of_target = self._target.reset(self._host.config, counts, holding_torque_Nm).status
+        if of_host != of_target:
+            raise TargetError(f"init returns {of_target} on the target, {of_host} on the host")
+        return of_target
+
+    def step(
+        self,
+        counts: NDArray[np.int32],
+        position_rad: Floats,
+        velocity_rad_per_s: Floats,
+        acceleration_rad_per_s2: Floats,
+        /,
+    ) -> ControllerOutput:
+        """One tick on both sides; returns the target's answer."""
+        of_host = self._host.step(counts, position_rad, velocity_rad_per_s, acceleration_rad_per_s2)
+        given = bytes(self._host.input)
+        start = time.perf_counter()
+        reply = self._target.step(given)
+        record = self.recording
+        record.exchange_s += time.perf_counter() - start
+        of_target = ControllerOutput(reply.torque_Nm, reply.status)
+        record.inputs.append(given)
+        record.host.append(of_host)
+        record.target.append(of_target)
+        return of_target
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """The first place where target and host differ.
+
+    Attributes:
+        tick: from 0.
+        joint: from 0, or None where only the status differs.
+        target: torque [N m] (as shortest decimal) or status on the target.
+        host: the same on the host.
+        target_bits: the torque's bits, or empty.
+        host_bits: the same on the host.
+    """
+
+    tick: int
+    joint: int | None
+    target: str
+    host: str
+    target_bits: str = ""
+    host_bits: str = ""
+
+    def __str__(self) -> str:
+        """One line for a person."""
+        if self.joint is None:
+            return f"tick {self.tick}: status {self.target} on the target, {self.host} on the host"
+        return (
+            f"tick {self.tick}, joint {self.joint}: {self.target} N m ({self.target_bits}) on the "
+            f"target, {self.host} N m ({self.host_bits}) on the host"
+        )
+
+
+def torques(outputs: Sequence[ControllerOutput]) -> NDArray[np.float32]:
+    """Little-endian torques, shape (ticks, n)."""
+    return np.array([output.torque_Nm for output in outputs], dtype="<f4")
+
+
+def first_mismatch(
+    target: Sequence[ControllerOutput], host: Sequence[ControllerOutput]
+) -> Mismatch | None:
+    """Compares torques bit by bit (so that -0 is not 0, and NaN may be equal), and statuses."""
+    for tick, (mine, theirs) in enumerate(zip(target, host, strict=True)):
+        my_bits, their_bits = mine.torque_Nm.view(np.uint32), theirs.torque_Nm.view(np.uint32)
+        different = np.flatnonzero(my_bits != their_bits)
+        if len(different):
+            joint = int(different[0])
+            return Mismatch(
+                tick,
+                joint,
+                str(mine.torque_Nm[joint]),
+                str(theirs.torque_Nm[joint]),
+                f"0x{my_bits[joint]:08X}",
+                f"0x{their_bits[joint]:08X}",
+            )
+        if mine.status != theirs.status:
+            return Mismatch(tick, None, str(mine.status), str(theirs.status))
+    return None
+
+
+class _Beginning(RestToRest):
+    """The first ticks of a motion; all of it by default."""
+
+    def __init__(self, whole: RestToRest, ticks: int | None) -> None:
+        super().__init__(whole.postures_rad, whole.segment_s)
+        object.__setattr__(self, "_ticks", ticks)
+
+    def sampled(self, sample_time_s: float) -> Reference:
+        """The reference at the first ticks."""
+        whole = super().sampled(sample_time_s)
+        n: int | None = getattr(self, "_ticks")  # noqa: B009 - set on a frozen dataclass
+        return Reference(
+            whole.time_s[:n],
+            whole.position_rad[:n],
+            whole.velocity_rad_per_s[:n],
+            whole.acceleration_rad_per_s2[:n],
+        )
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A controller with the gains to fly: an experiment's, or those of its specification."""
+
+    controller: str
+    experiment: str | None = None
+
+    def __str__(self) -> str:
+        """As the command line writes it."""
+        return self.controller + (f":{self.experiment}" if self.experiment else "")
+
+    def tuned(self) -> GeneratedController:
+        """The host's C with these gains."""
+        path = REPOSITORY / "controllers" / f"{self.controller}.toml"
+        host = GeneratedController(load(path))
+        host.set_gains(load(path, experiment=self.experiment))
+        return host
+
+
+FLIGHTS = (Flight("puma3", "Exp01"), Flight("puma3", "Exp08"), Flight("puma6"))
+
+
+@dataclass(frozen=True)
+class PilRun:
+    """One closed loop with the processor in it.
+
+    Attributes:
+        board: its name.
+        core: its processor.
+        controller: name of the controller.
+        experiment: whose gains it flew with, None for the specification's own.
+        link: how host and target talked.
+        ticks: length of the run.
+        target_sha256: of all torques, little-endian binary32, tick by tick.
+        host_sha256: the same of the host's C on the same inputs.
+        equal: whether all torques and statuses are bit-equal, replayed ones included.
+        mismatch: the first difference, or None.
+        seconds: time of all ticks from the host's sending the input to its having the torque.
+        seconds_total: wall time of the whole closed loop, the simulated robot included.
+        replay_seconds: time in which the recorded inputs, streamed, were answered; None if they
+            were not replayed.
+    """
+
+    board: str
+    core: str
+    controller: str
+    experiment: str | None
+    link: Link
+    ticks: int
+    target_sha256: str
+    host_sha256: str
+    equal: bool
+    mismatch: Mismatch | None
+    seconds: float
+    seconds_total: float
+    replay_seconds: float | None
+
+
+def fly(target: Target, host: GeneratedController, ticks: int | None = None) -> Recording:
+    """Flies the target on the robot for this number of joints, along the robot's trajectory.
+
+    Args:
+        target: a running target.
+        host: the same controller on the host, tuned as it is to fly.
+        ticks: length of the run; the whole trajectory by default.
+
+    Raises:
+        TargetError: the target ended, or init differs.
+        ControllerError, PlantError: the run failed though both sides agreed. Where they did not,
+            the recording ends there: a target that computes something else may well crash a robot.
+    """
+    robot = load_robot(DEFAULT_ROBOTS[host.joints])
+    if robot.trajectory is None:
+        raise PlantError(f"robot {robot.name} has no trajectory")
+    controller = TargetController(target, host)
+    try:
+        simulate(
+            build_plant(robot),
+            controller,
+            _Beginning(robot.trajectory, ticks),
+            float(host.specification.sample_time),
+            progress=False,
+        )
+    except (ControllerError, PlantError):
+        record = controller.recording
+        if first_mismatch(record.target, record.host) is None:
+            raise
+    return controller.recording
+
+
+def run(
+    board: Board,
+    image: Path,
+    flight: Flight,
+    *,
+    ticks: int | None = None,
+    link: Link = "semihosting",
+) -> PilRun:
+    """Flies a controller on an emulated board and compares.
+
+    Args:
+        board: the board.
+        image: its `pil.elf`, or `pil_uart.elf` for the link ``uart``.
+        flight: controller and gains.
+        ticks: length of the run; the robot's whole trajectory by default.
+        link: how the image talks; only semihosting is quick enough for the replay.
+
+    Raises:
+        TargetError: the target does not run, or init differs.
+        ControllerError, PlantError: the run failed though both sides agreed.
+    """
+    host = flight.tuned()
+    replay_s: float | None = None
+    with Target(board, image, host, link) as target:
+        start = time.perf_counter()
+        record = fly(target, host, ticks)
+        total_s = time.perf_counter() - start
+        mismatch = first_mismatch(record.target, record.host)
+        if link == "semihosting":
+            replayed, replay_s = _replay(target, host, record)
+            mismatch = mismatch or first_mismatch(replayed, record.target)
+    return PilRun(
+        board=board.name,
+        core=board.core,
+        controller=flight.controller,
+        experiment=flight.experiment,
+        link=link,
+        ticks=len(record.target),
+        target_sha256=_sha256(record.target),
+        host_sha256=_sha256(record.host),
+        equal=mismatch is None,
+        mismatch=mismatch,
+        seconds=record.exchange_s,
+        seconds_total=total_s,
+        replay_seconds=replay_s,
+    )
+
+
+def _replay(
+    target: Target, host: GeneratedController, record: Recording
+) -> tuple[list[ControllerOutput], float]:
+    assert record.start is not None
+    target.reset(host.config, *record.start)
+    start = time.perf_counter()
+    replies = target.replay(record.inputs)
+    seconds = time.perf_counter() - start
+    return [ControllerOutput(r["torque"].copy(), int(r["status"])) for r in replies], seconds
+
+
+def _sha256(outputs: Sequence[ControllerOutput]) -> str:
+    return hashlib.sha256(torques(outputs).tobytes()).hexdigest()
+
+
+# --- The command ------------------------------------------------------------------------------
+
+
+def campaign(
+    boards: Sequence[str],
+    flights: Sequence[Flight],
+    ticks: int | None,
+    uart_ticks: int,
+    console: Console,
+) -> list[PilRun]:
+    """Every flight on every board by semihosting, and the first one briefly by UART."""
+    runs = []
+    for board in map(load_board, boards):
+        plans: list[tuple[Flight, int | None, Link]] = [(f, ticks, "semihosting") for f in flights]
+        if uart_ticks > 0:
+            plans.append((flights[0], uart_ticks, "uart"))
+        for flight, length, link in plans:
+            with console.status(f"{board.name} flies {flight} ({link})"):
+                image = build(board, flight.controller, IMAGES[link])
+                runs.append(run(board, image, flight, ticks=length, link=link))
+    return runs
+
+
+def table(runs: Sequence[PilRun]) -> Table:
+    """The runs for a person."""
+    shown = Table(title="Processor in the loop", title_justify="left", box=None, pad_edge=False)
+    shown.add_column("board", no_wrap=True)
+    shown.add_column("controller", no_wrap=True)
+    for name in ("ticks", "exchange\n\\[s]", "closed loop\n\\[s]", "replay\n\\[s]"):
+        shown.add_column(name, justify="right")
+    shown.add_column("torques", no_wrap=True)
+    for r in runs:
+        shown.add_row(
+            f"{r.board}\n[dim]{r.core}[/]",
+            f"{Flight(r.controller, r.experiment)}\n[dim]{r.link}[/]",
+            str(r.ticks),
+            f"{r.seconds:.2f}",
+            f"{r.seconds_total:.2f}",
+            "" if r.replay_seconds is None else f"{r.replay_seconds:.2f}",
+            f"bit-equal\n[dim]{r.target_sha256[:8]}[/]" if r.equal else "[bold red]DIFFERENT[/]",
+        )
+    return shown
+
+
+def _flight(text: str) -> Flight:
+    controller, _, experiment = text.partition(":")
+    return Flight(controller, experiment or None)
+
+
+def _positive(text: str) -> int:
+    number = int(text)
+    if number <= 0:
+        raise ValueError
+    return number
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m verification.pil",
+        description="Flies generated controllers on emulated boards and compares every torque "
+        "with the host's, bit by bit.",
+        epilog="example: python -m verification.pil --board mps2-an386 --flight puma3:Exp08",
+    )
+    parser.add_argument(
+        "--board",
+        action="append",
+        choices=emulated_board_names(),
+        help="default: all; may be repeated",
+    )
+    parser.add_argument(
+        "--flight",
+        action="append",
+        type=_flight,
+        metavar="NAME[:EXPERIMENT]",
+        help=f"default: {', '.join(map(str, FLIGHTS))}; may be repeated",
+    )
+    parser.add_argument(
+        "--ticks", type=_positive, help="length of a run; default: the whole trajectory"
+    )
+    parser.add_argument(
+        "--uart-ticks", type=int, default=100, help="length of the run by UART, 0 for none"
+    )
+    parser.add_argument("--output", type=Path, default=RESULT, help="the JSON file")
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs the command line; returns 0, 1 for a mismatch, 2 for what could not be run."""
+    options = _parser().parse_args(arguments)
+    console = Console(highlight=False)
+    try:
+        runs = campaign(
+            options.board or emulated_board_names(),
+            options.flight or FLIGHTS,
+            options.ticks,
+            options.uart_ticks,
+            console,
+        )
+    except (
+        ToolError,
+        TargetError,
+        CompilerError,
+        LayoutError,
+        SpecificationError,
+        ControllerError,
+        PlantError,
+    ) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    write_json({"evidence": Evidence.MEASURED, "runs": runs}, options.output)
+    console.print(table(runs))
+    for r in runs:
+        if r.mismatch is not None:
+            flight = Flight(r.controller, r.experiment)
+            console.print(f"[bold red]{r.board}, {flight}[/]: {escape(str(r.mismatch))}")
+    with suppress(ValueError):
+        console.print(f"figures: {options.output.resolve().relative_to(REPOSITORY)}")
+    return 0 if all(r.equal for r in runs) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
