@@ -235,6 +235,7 @@ def _controller_context(
         "checked_torque": "filtered_torque" if controller.options.low_pass else "control_torque",
         "memory": _MEMORY,
         "literal": float_literal,
+        "counts_per_rad": lambda joint: binary32(1.0 / joint.rad_per_count),
         "scale_values": lambda joint: scale_values(controller, joint),
         "defaults": defaults,
         "initialiser": initialiser,

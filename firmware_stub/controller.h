@@ -26,6 +26,7 @@ typedef CONTROLLER_PASTE(tdc_, CONTROLLER, _state) controller_state;
 typedef CONTROLLER_PASTE(tdc_, CONTROLLER, _input) controller_input;
 
 #define controller_default_config CONTROLLER_PASTE(tdc_, CONTROLLER, _default_config)
+#define controller_counts_per_rad CONTROLLER_PASTE(tdc_, CONTROLLER, _counts_per_rad)
 #define controller_check_config CONTROLLER_PASTE(tdc_, CONTROLLER, _check_config)
 #define controller_init CONTROLLER_PASTE(tdc_, CONTROLLER, _init)
 #define controller_step CONTROLLER_PASTE(tdc_, CONTROLLER, _step)

@@ -1,7 +1,5 @@
 #include "hal/simulated_robot.h"
 
-#include "encoders.h" /* made from the controller's manifest */
-
 /* Of the torque limit. */
 #define LOAD 0.2f
 /* Torque of the friction for a unit of inertia and velocity [1/s]. */
@@ -13,20 +11,17 @@
 #define MOVE_TICKS 1000u
 #define STROKE_RAD 0.25f
 
-#define RAD_PER_REV 6.2831853f
-
 typedef struct {
     int32_t position_q8; /* [count/256], wraps */
     float velocity_rad_per_s;
 } joint;
 
-static const float counts_per_rev[JOINTS] = {COUNTS_PER_JOINT_REV};
 static joint joints[JOINTS];
 static uint32_t reference_tick;
 
 static int32_t q8_of(float angle_rad, uint32_t i)
 {
-    const float q8 = angle_rad * (counts_per_rev[i] / RAD_PER_REV) * 256.0f;
+    const float q8 = angle_rad * controller_counts_per_rad[i] * 256.0f;
     return (int32_t)(q8 + ((q8 < 0.0f) ? -0.5f : 0.5f));
 }
 

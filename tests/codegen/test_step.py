@@ -75,6 +75,11 @@ def start(controller: GeneratedController, counts: list[int] | None = None) -> N
     assert status == OK
 
 
+def test_the_counts_of_a_radian_are_published(puma3: GeneratedController) -> None:
+    published = (ctypes.c_float * N).in_dll(puma3._library, "tdc_puma3_counts_per_rad")
+    assert list(published) == pytest.approx([1 / RAD_PER_COUNT] * N, rel=1e-7)
+
+
 def test_at_rest_the_holding_torque_is_held(puma3: GeneratedController) -> None:
     start(puma3, [5, -7, 100_000])
     for _ in range(3):
