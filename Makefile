@@ -77,6 +77,12 @@ pil: setup
 	@tools/system_tools.sh test firmware
 	@$(run) -m verification.pil
 
+## The law exact, in double, in C on the host and on each emulated board, a million steps on each
+.PHONY: chain
+chain: setup
+	@tools/system_tools.sh test firmware
+	@$(run) -m verification chain
+
 ## Count instructions, flash and stack of one step against CasADi's C, on M4F, M7 and RV32
 .PHONY: bench
 bench: setup

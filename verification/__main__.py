@@ -23,6 +23,8 @@ from plant.closed_loop import ControllerError, PlantError
 from plant.controller import LayoutError
 from plant.native import BUILD, CompilerError
 from plant.robot import RobotError
+from verification.chain.links import BLOCK_STEPS, blocks_of, chain
+from verification.chain.present import failures, notes, table_of
 from verification.equivalence import check_all, summary, variants
 from verification.evidence import RESULTS, plain, write_json
 from verification.experiments import (
@@ -33,12 +35,15 @@ from verification.experiments import (
     improvements,
     rank_correlation,
 )
+from verification.firmware import ToolError, board_names, load_board
 from verification.report.content import Results
 from verification.report.page import write
+from verification.report.processor import found
 from verification.symbolic import Proof, all_proofs
 
 REPORT = BUILD / "report"
 DEFAULT_STEPS = 100_000
+CHAIN_STEPS = 1_000_000
 REPORT_STEPS = 20_000
 """Of the report: 48 structures make about a million steps, in half a minute."""
 LEAST_STEPS = 100
@@ -53,6 +58,7 @@ _BAD_INPUT = (
     PlantError,
     LayoutError,
     CompilerError,
+    ToolError,
     OSError,
 )
 
@@ -143,6 +149,23 @@ def _equivalence(arguments: argparse.Namespace, console: Console, progress: Cons
     return 0 if all(s.violations == 0 for s in summaries) else 1
 
 
+def _chain(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
+    controllers = _controllers(arguments.controller or NAMES)
+    boards = [load_board(name) for name in arguments.board or board_names()]
+    blocks = blocks_of(arguments.steps)
+    total = blocks.count * blocks.steps * len(boards) * len(controllers)
+    with _bar(progress, "steps on the targets", total) as advance:
+        result = chain(controllers, boards, blocks, advance)
+    if not arguments.json:
+        console.print(table_of(result))
+        for note in notes():
+            console.print(note, markup=False)
+        for failure in failures(result):
+            console.print(failure, style="red", markup=False)
+    _leave({"holds": result.holds, **plain(result)}, "chain", arguments.json, console)
+    return 0 if result.holds else 1
+
+
 def _experiments(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
     with _bar(progress, "closed loops", len(ALL)) as advance:
         outcomes = conduct_all(advance=lambda _: advance(1))
@@ -176,7 +199,9 @@ def _report(arguments: argparse.Namespace, console: Console, progress: Console) 
     with _bar(progress, "steps of the C", total) as advance:
         equivalence = check_all(controllers, arguments.steps, advance)
     with progress.status("pictures"):
-        page = write(Results(outcomes, equivalence, proofs, arguments.steps), arguments.output)
+        page = write(
+            Results(outcomes, equivalence, proofs, arguments.steps, found()), arguments.output
+        )
     console.print(f"report: {_shown(page)}")
     good = all(p.holds for p in proofs) and all(r.holds for e in equivalence.values() for r in e)
     if not good:
@@ -225,6 +250,22 @@ def _parser() -> argparse.ArgumentParser:
         "--controller", action="append", metavar="NAME", help="of controllers/; again for more"
     )
     with_json(equivalence)
+
+    says = "the exact law, CasADi in double, the C on the host and on each emulated target"
+    linked = command("chain", _chain, says)
+    linked.add_argument(
+        "--steps",
+        type=_steps,
+        default=CHAIN_STEPS,
+        help=f"random steps on each target, in blocks of {BLOCK_STEPS} (default: %(default)s)",
+    )
+    linked.add_argument(
+        "--board", action="append", choices=board_names(), help="one of them; again for more"
+    )
+    linked.add_argument(
+        "--controller", action="append", metavar="NAME", help="of controllers/; again for more"
+    )
+    with_json(linked)
 
     with_json(command("experiments", _experiments, "Table II and more, flown on the plant"))
     with_json(command("symbolic", _symbolic, "the proofs in computer algebra"))

@@ -357,8 +357,12 @@ def outputs(cases: Cases, controller: Controller, whole: Integers, running: Flag
 
 
 @dataclass(frozen=True)
-class _Batch:
-    """Everything known of a batch of steps, before and after the C ran."""
+class Batch:
+    """Everything known of a batch of steps, before and after the C ran.
+
+    ``jump`` and ``good`` say which steps must end in an encoder jump, and which must succeed;
+    all others must end as not finite.
+    """
 
     cases: Cases
     after: Records
@@ -368,7 +372,6 @@ class _Batch:
     outputs: Outputs
     jump: Flags
     good: Flags
-    """Steps that must succeed."""
 
 
 def _expected_failures(
@@ -389,12 +392,12 @@ def _same_bits(a: NDArray[Any], b: NDArray[Any]) -> Flags:
     return same
 
 
-def _limit(batch: _Batch) -> Doubles:
+def _limit(batch: Batch) -> Doubles:
     limit: Doubles = batch.cases.config["joint"]["torque_limit_Nm"].astype(np.float64)
     return limit
 
 
-def _undecided(batch: _Batch, low_pass: bool) -> Flags:
+def _undecided(batch: Batch, low_pass: bool) -> Flags:
     """Joints whose enclosure of the demanded torque reaches across a limit."""
     demanded = batch.outputs.enclosed["filtered_torque" if low_pass else "control_torque"]
     limit = _limit(batch)
@@ -404,7 +407,7 @@ def _undecided(batch: _Batch, low_pass: bool) -> Flags:
     return undecided
 
 
-def _checks(batch: _Batch, low_pass: bool) -> Iterator[tuple[str, Flags]]:
+def checks(batch: Batch, low_pass: bool) -> Iterator[tuple[str, Flags]]:
     """Every check with the steps that fail it, shape (steps,)."""
     good, bad = batch.good, ~batch.good
     before, after = batch.cases.state, batch.after
@@ -473,7 +476,7 @@ def _checks(batch: _Batch, low_pass: bool) -> Iterator[tuple[str, Flags]]:
     yield "torque after an error is the configured one", bad & ~_same_bits(fallback, batch.torque)
 
 
-def _distances(batch: _Batch, name: str, values: Doubles) -> tuple[Doubles, Doubles]:
+def _distances(batch: Batch, name: str, values: Doubles) -> tuple[Doubles, Doubles]:
     """Distances of the C from the double law on the good steps, in units and as shares."""
     exact = batch.outputs.exact[name][batch.good]
     enclosed = batch.outputs.enclosed[name]
@@ -493,7 +496,7 @@ def _deviation(batches: Sequence[tuple[Doubles, Doubles]]) -> Deviation:
     return Deviation(float(np.median(distance)), float(distance.max()), float(share.max()))
 
 
-def _evaluate(library: Compiled, cases: Cases) -> _Batch:
+def _evaluate(library: Compiled, cases: Cases) -> Batch:
     """Runs the C and the models on the cases."""
     before = Cases(cases.config, cases.state.copy(), cases.input)
     torque, status = run(library, cases)
@@ -503,10 +506,10 @@ def _evaluate(library: Compiled, cases: Cases) -> _Batch:
         out = outputs(before, library.controller, whole, running)
         low_pass = library.controller.options.low_pass
         jump, good = _expected_failures(before, whole, out, low_pass)
-    return _Batch(before, cases.state, torque, status, whole, out, jump, good)
+    return Batch(before, cases.state, torque, status, whole, out, jump, good)
 
 
-def _example(batch: _Batch, check: str, row: int) -> str:
+def _example(batch: Batch, check: str, row: int) -> str:
     """One failing step in words."""
     names = ("limited_torque", "next_sliding_integral")
     enclosures = {
@@ -556,7 +559,7 @@ def check(
             commanded = batch.torque.astype(np.float64)
             torque[regime].append(_distances(batch, "limited_torque", commanded))
             integral[regime].append(_distances(batch, "next_sliding_integral", after))
-            for name, failed in _checks(batch, low_pass):
+            for name, failed in checks(batch, low_pass):
                 rows = np.flatnonzero(failed)
                 if rows.size:
                     known = violations.get(name, Violation(name, 0, _example(batch, name, rows[0])))
@@ -584,7 +587,7 @@ def _batches(steps: int) -> Iterator[tuple[Regime, int]]:
         done += size
 
 
-def _tally(batch: _Batch, low_pass: bool) -> Tally:
+def _tally(batch: Batch, low_pass: bool) -> Tally:
     undecided = _undecided(batch, low_pass).any(axis=1) & batch.good
     return Tally(
         len(batch.status),

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 import math
+from collections.abc import Mapping
 from enum import Enum
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from plant.native import BUILD
+from plant.native import BUILD, GENERATED
 
 RESULTS = BUILD / "verification"
 """Where the commands leave their figures."""
@@ -56,9 +58,29 @@ def plain(value: object) -> Any:
     return value
 
 
-def write_json(value: object, path: Path) -> Path:
-    """Writes a value as JSON, with sorted keys so that equal results are equal bytes."""
+def generated_sha256() -> str:
+    """The hash of all generated C: figures that name another one are of another C."""
+    digest = hashlib.sha256()
+    for manifest in sorted(GENERATED.glob("*/manifest.json")):
+        digest.update(manifest.read_bytes())
+    return digest.hexdigest()
+
+
+def write_json(figures: Mapping[str, object], path: Path) -> Path:
+    """Writes figures as JSON with the hash of the C that they are of.
+
+    Keys are sorted, so that equal results are equal bytes.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(plain(value), indent=2, sort_keys=True, ensure_ascii=False, allow_nan=False)
+    named = {"generated_sha256": generated_sha256(), **figures}
+    text = json.dumps(plain(named), indent=2, sort_keys=True, ensure_ascii=False, allow_nan=False)
     path.write_text(text + "\n", encoding="utf-8")
     return path
+
+
+def current_json(path: Path) -> dict[str, Any] | None:
+    """What an earlier command left, or None if there is nothing, or it is of another C."""
+    if not path.is_file():
+        return None
+    left: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return left if left.get("generated_sha256") == generated_sha256() else None

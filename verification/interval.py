@@ -30,6 +30,8 @@ UNIT_ROUNDOFF = 2.0**-24
 
 _MARGIN = 1.0 + 2.0**-20
 _SMALLEST_SUBNORMAL = 2.0**-149
+_KERNEL_UNDERFLOW = 4.0 * _SMALLEST_SUBNORMAL
+"""How far a subnormal result of the kernel may be off (tdc_sig_pow.h)."""
 
 
 @dataclass(frozen=True)
@@ -118,9 +120,30 @@ def _power(bound: float) -> Callable[[Interval, Interval], Interval]:
     def power(base: Interval, exponent: Interval) -> Interval:
         # 0^0 is 1 here; where x can be 0, the sign that it is multiplied with can be 0 too.
         ends = np.power(base.low, exponent.low), np.power(base.high, exponent.high)
-        return widened(Interval(*ends), bound)
+        enclosed = widened(Interval(*ends), bound)
+        return Interval(enclosed.low - _KERNEL_UNDERFLOW, enclosed.high + _KERNEL_UNDERFLOW)
 
     return power
+
+
+def rules(power_bound: float) -> dict[int, Callable[..., Interval]]:
+    """What the operations of the law do to enclosures when binary32 C performs them.
+
+    Args:
+        power_bound: largest relative error of the kernel of |x|^a.
+    """
+    return {
+        ca.OP_ADD: _add,
+        ca.OP_SUB: _subtract,
+        ca.OP_MUL: _multiply,
+        ca.OP_NEG: _negate,
+        ca.OP_FMIN: _minimum,
+        ca.OP_FMAX: _maximum,
+        ca.OP_SIGN: _sign,
+        ca.OP_FABS: _magnitude,
+        ca.OP_POW: _power(power_bound),
+        ca.OP_CONSTPOW: _power(power_bound),
+    }
 
 
 def enclose(
@@ -136,16 +159,4 @@ def enclose(
     Raises:
         verification.law_graph.UnknownOperationError: an operation has no rounding rule here.
     """
-    rules: dict[int, Callable[..., Interval]] = {
-        ca.OP_ADD: _add,
-        ca.OP_SUB: _subtract,
-        ca.OP_MUL: _multiply,
-        ca.OP_NEG: _negate,
-        ca.OP_FMIN: _minimum,
-        ca.OP_FMAX: _maximum,
-        ca.OP_SIGN: _sign,
-        ca.OP_FABS: _magnitude,
-        ca.OP_POW: _power(power_bound),
-        ca.OP_CONSTPOW: _power(power_bound),
-    }
-    return evaluate(function, inputs, rules, point)
+    return evaluate(function, inputs, rules(power_bound), point)

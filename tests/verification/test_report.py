@@ -6,6 +6,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -14,9 +15,11 @@ import pytest
 from codegen.controller import load
 from verification.__main__ import main
 from verification.equivalence import check
+from verification.evidence import current_json, generated_sha256, write_json
 from verification.experiments import CONTROLLERS, Experiment, Outcome
 from verification.report.content import Results, law_block, scientific
 from verification.report.page import render, write
+from verification.report.processor import Processor
 from verification.symbolic import all_proofs
 
 VOID = {"meta", "br", "hr", "img", "link", "input", "path", "use"}
@@ -66,7 +69,7 @@ def results(outcomes: Mapping[Experiment, Outcome]) -> Results:
     equivalence = {
         name: (check(load(CONTROLLERS / f"{name}.toml"), 500),) for name in ("puma3", "puma6")
     }
-    return Results(outcomes, equivalence, all_proofs(), 500)
+    return Results(outcomes, equivalence, all_proofs(), 500, Processor(None, None, None, None))
 
 
 @pytest.fixture(scope="session")
@@ -131,9 +134,44 @@ def test_what_is_wrong_is_shown(results: Results) -> None:
     failed = tuple(
         type(p)(p.name, p.equation, p.statement, p.steps, "x", False) for p in results.proofs
     )
-    bad = render(Results(results.outcomes, results.equivalence, failed, results.steps))
+    bad = render(replace(results, proofs=failed))
     assert "key bad" in bad
     assert "✗" in bad
+
+
+def a_flight(board: str, equal: bool) -> dict[str, object]:
+    return {
+        "board": board,
+        "core": board.upper(),
+        "controller": "puma3",
+        "experiment": "Exp08",
+        "link": "semihosting",
+        "ticks": 12000,
+        "equal": equal,
+        "seconds": 0.3,
+        "seconds_total": 1.5,
+        "target_sha256": "ab" * 32,
+    }
+
+
+def test_flights_on_processors_are_shown_with_their_verdict(results: Results) -> None:
+    without = render(results)
+    assert "<code>make pil</code>" in without
+    for equal, verdict in ((True, "2 of 2 flights are bit-equal"), (False, "1 of 2 flights are")):
+        flights = [a_flight("one", True), a_flight("two", equal)]
+        html = render(replace(results, processor=Processor(flights, None, None, None)))
+        assert verdict in " ".join(html.split())
+        assert ("key bad" in html) == (not equal)
+        assert ("DIFFER" in html) == (not equal)
+        assert "<code>make pil</code>," not in html
+
+
+def test_figures_of_another_c_are_not_shown(tmp_path: Path) -> None:
+    left = tmp_path / "pil.json"
+    assert current_json(left) is None
+    for sha256, shown in ((generated_sha256(), True), ("0" * 64, False)):
+        write_json({"generated_sha256": sha256, "runs": []}, left)
+        assert (current_json(left) is not None) == shown
 
 
 def test_page_and_json_are_written_with_the_same_figures(results: Results, tmp_path: Path) -> None:

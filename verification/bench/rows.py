@@ -35,7 +35,7 @@ from verification.bench.variants import (
     VARIANTS,
     Variant,
 )
-from verification.evidence import Evidence, write_json
+from verification.evidence import Evidence, current_json, write_json
 from verification.firmware import Board, board_names, load_board
 
 JOINTS = tuple(ROBOTS)
@@ -359,3 +359,20 @@ def save(result: Result, path: Path = RESULT) -> Path:
         },
         path,
     )
+
+
+def load(path: Path = RESULT) -> Result | None:
+    """The figures that :func:`save` left, or None if there are none of today's generated C."""
+    left = current_json(path)
+    if left is None:
+        return None
+    rows = (
+        Row(**{**row, "special_cases": tuple(Case(**case) for case in row["special_cases"])})
+        for row in left["rows"]
+    )
+    spreads = (
+        Spread(**{k: v for k, v in spread.items() if k != "statement"})
+        for spread in left["step_time"]
+    )
+    conditions = (Conditions(**each) for each in left["conditions"])
+    return Result(tuple(rows), tuple(spreads), tuple(conditions))

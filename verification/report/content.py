@@ -13,6 +13,8 @@ import numpy as np
 from codegen.controller import Controller, load
 from codegen.emit import generate
 from plant.robot import load_robot
+from verification.bench.variants import CASADI_POWF, NAIVE_DOUBLE, PROJECT
+from verification.chain.present import notes
 from verification.equivalence import Equivalence, Summary, summary
 from verification.evidence import Evidence, plain
 from verification.experiments import (
@@ -33,6 +35,7 @@ from verification.experiments import (
 )
 from verification.paper import PAPER, REFERENCE_ROW
 from verification.report import figures
+from verification.report.processor import MEANINGS, TITLES, Processor
 from verification.report.style import house_style, inline_svg
 from verification.symbolic import Proof
 
@@ -49,12 +52,14 @@ class Results:
         equivalence: by controller, a result a variant.
         proofs: the symbolic proofs.
         steps: random steps for each variant.
+        processor: what was found on the emulated processors.
     """
 
     outcomes: Mapping[Experiment, Outcome]
     equivalence: Mapping[str, Sequence[Equivalence]]
     proofs: Sequence[Proof]
     steps: int
+    processor: Processor
 
 
 @dataclass(frozen=True)
@@ -122,6 +127,7 @@ def key_figures(
     gains: Sequence[Gain],
     summaries: Sequence[Summary],
     proofs: Sequence[Proof],
+    processor: Processor,
 ) -> tuple[KeyFigure, ...]:
     """The figures of the first screen, each with the kind of evidence behind it."""
     best = next(row for row in rows if row.experiment == REFERENCE_ROW)
@@ -163,6 +169,47 @@ def key_figures(
             Evidence.PROVED,
             "proofs",
             held == len(proofs),
+        ),
+        *_bits(processor),
+        *_cost(processor),
+    )
+
+
+def _bits(processor: Processor) -> tuple[KeyFigure, ...]:
+    """Bit-equality on the emulated processors, where it was measured."""
+    if processor.flights is None:
+        return ()
+    cores = list(dict.fromkeys(str(flight["core"]) for flight in processor.flights))
+    return (
+        KeyFigure(
+            f"{processor.equal}",
+            f"of {len(processor.flights)} flights",
+            f"have the host's torques bit for bit on emulated {', '.join(cores)}",
+            Evidence.MEASURED,
+            "processor",
+            processor.equal == len(processor.flights),
+        ),
+    )
+
+
+def _cost(processor: Processor) -> tuple[KeyFigure, ...]:
+    """Instructions of a tick on the first core against CasADi's own C, where it was measured."""
+    if processor.cost is None:
+        return ()
+    core, joints = processor.cost.rows[0].core, processor.cost.rows[0].joints
+    rows = {
+        row.variant: row for row in processor.cost.rows if (row.core, row.joints) == (core, joints)
+    }
+    naive = rows[NAIVE_DOUBLE.name].times_the_project
+    return (
+        KeyFigure(
+            f"{rows[PROJECT.name].instructions_per_step:.0f}",
+            "instructions a tick",
+            f"on {core}, {joints} joints: {naive:.0f} times fewer than CasADi's own C, "
+            f"{rows[CASADI_POWF.name].times_the_project:.1f} times fewer than that C with powf",
+            Evidence.MEASURED,
+            "processor",
+            naive >= 100.0,
         ),
     )
 
@@ -255,6 +302,10 @@ COMMANDS = (
         "python -m verification equivalence --steps {steps}",
         "build/verification/equivalence.json",
     ),
+    Command("processor in the loop", "make pil", "build/pil/pil.json"),
+    Command("from the exact law to the processor", "make chain", "build/verification/chain.json"),
+    Command("instructions a tick", "make bench", "build/bench/step.json"),
+    Command("flash, RAM and stack", "make size", "build/firmware/size.json"),
     Command("the proofs", "python -m verification symbolic", "build/verification/symbolic.json"),
     Command("the generated C itself", "python -m codegen generate", "generated/"),
 )
@@ -282,7 +333,9 @@ def as_json(results: Results) -> dict[str, Any]:
     return {
         "paper": str(PAPER),
         "key_figures": plain(
-            key_figures(tables.rows, tables.gains, tables.summaries, results.proofs)
+            key_figures(
+                tables.rows, tables.gains, tables.summaries, results.proofs, results.processor
+            )
         ),
         "experiments": [plain(outcome.summary()) for outcome in results.outcomes.values()],
         "table_2": [
@@ -314,7 +367,9 @@ def context(results: Results) -> dict[str, Any]:
     faster = results.outcomes[FASTER]
     return {
         "paper": PAPER,
-        "keys": key_figures(tables.rows, tables.gains, tables.summaries, results.proofs),
+        "keys": key_figures(
+            tables.rows, tables.gains, tables.summaries, results.proofs, results.processor
+        ),
         "kinds": list(Evidence),
         "pictures": pictures(results),
         "rows": tables.rows,
@@ -339,4 +394,8 @@ def context(results: Results) -> dict[str, Any]:
             Command(c.figure, c.command.format(steps=results.steps), c.leaves) for c in COMMANDS
         ],
         "scientific": scientific,
+        "processor": results.processor,
+        "titles": TITLES,
+        "meanings": MEANINGS,
+        "chain_bounds": list(notes()),
     }

@@ -1,0 +1,63 @@
+#ifndef STEPS_H
+#define STEPS_H
+
+/*
+ * Steps of the shipped controller, the same on the host and on every target: single ones that the
+ * host wrote down, and random ones that this C draws for itself, so that a million of them need
+ * no transfer. The drawing takes no floating-point operation; only the controller computes.
+ */
+
+#include <stdint.h>
+
+#include "firmware_stub/controller.h"
+
+/** Which arguments of the step are NULL. */
+#define STEP_WITHOUT_CONFIG 1u
+#define STEP_WITHOUT_STATE 2u
+#define STEP_WITHOUT_INPUT 4u
+#define STEP_WITHOUT_TORQUE 8u
+
+/** One step before it is taken. All words are 32 bits, without padding. */
+typedef struct {
+    uint32_t missing;
+    controller_config config;
+    controller_state state;
+    controller_input input;
+} step_case;
+
+/** What became of it; torque_Nm holds STEP_UNWRITTEN_NM where the step wrote nothing. */
+typedef struct {
+    int32_t status;
+    float torque_Nm[JOINTS];
+    controller_state state;
+} step_result;
+
+#define STEP_UNWRITTEN_NM (-12345.0f)
+
+/** Statuses from TDC_NOT_FINITE to TDC_SATURATED, counted by status - TDC_NOT_FINITE. */
+#define STATUSES 7u
+
+/** What is left of a block of random steps. */
+typedef struct {
+    uint64_t hash; /* FNV-1a, 64 bits, over the words of all cases and results */
+    uint32_t statuses[STATUSES];
+    uint32_t refused; /* configurations that check_config and init did not take */
+} block_summary;
+
+/** What is told of each step of a block. */
+typedef void block_observer(void *context, const step_case *step, const step_result *result);
+
+/** Takes a step from a copy of its state. */
+void step_take(const step_case *step, step_result *result);
+
+/** Takes steps one after the other. */
+void step_take_all(const step_case *steps, step_result *results, uint32_t count);
+
+/** Takes the random steps of a block, which follow from its number alone; observer may be NULL. */
+void block_take(uint32_t block, uint32_t steps, block_summary *summary, block_observer *observer,
+                void *context);
+
+/** Takes the random steps of a block, and writes all of them down. */
+void block_record(uint32_t block, uint32_t steps, step_case *cases, step_result *results);
+
+#endif
