@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -85,7 +84,7 @@ def _leave(data: Any, name: str, as_json: bool, console: Console) -> None:
     """Writes a command's figures beside what it prints."""
     path = write_json(data, RESULTS / f"{name}.json")
     if as_json:
-        print(json.dumps(plain(data), indent=2, sort_keys=True, ensure_ascii=False))
+        print(path.read_text(encoding="utf-8"), end="")
     else:
         console.print(f"figures: {_shown(path)}")
 

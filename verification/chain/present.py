@@ -18,7 +18,7 @@ from verification.chain.links import (
     NumericLink,
 )
 
-_NAMES = {"limited_torque": "torque", "next_sliding_integral": "next s - ed"}
+NAMES = {"limited_torque": "torque", "next_sliding_integral": "next s - ed"}
 
 
 _LINKS = (EXACT_TO_DOUBLE, DOUBLE_TO_HOST)
@@ -63,7 +63,7 @@ def _add_numeric(table: Table, name: str, link: NumericLink, deviation: Deviatio
     share = f"{deviation.worst_share:.0%}"
     table.add_row(
         name,
-        f"{link.controller}: {_NAMES[deviation.quantity]}",
+        f"{link.controller}: {NAMES[deviation.quantity]}",
         _count(link.vectors),
         f"{deviation.rig_worst:.1e} {deviation.unit}",
         f"{deviation.rig_bound:.1e} {deviation.unit}",
@@ -93,7 +93,7 @@ def failures(chain: Chain) -> Iterator[str]:
         for deviation in link.deviations:
             if not deviation.worst_share <= 1.0:
                 yield (
-                    f"{link.controller}, {link.link}: {_NAMES[deviation.quantity]} is off by "
+                    f"{link.controller}, {link.link}: {NAMES[deviation.quantity]} is off by "
                     f"{deviation.worst_share:.3g} times the bound ({deviation.worst_group})"
                 )
     for bits in chain.bits:

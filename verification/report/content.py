@@ -14,7 +14,7 @@ from codegen.controller import Controller, load
 from codegen.emit import generate
 from plant.robot import load_robot
 from verification.bench.variants import CASADI_POWF, NAIVE_DOUBLE, PROJECT
-from verification.chain.present import notes
+from verification.chain.present import NAMES, notes
 from verification.equivalence import Equivalence, Summary, summary
 from verification.evidence import Evidence, plain
 from verification.experiments import (
@@ -35,7 +35,7 @@ from verification.experiments import (
 )
 from verification.paper import PAPER, REFERENCE_ROW
 from verification.report import figures
-from verification.report.processor import MEANINGS, TITLES, Processor
+from verification.report.processor import LINKS, MEANINGS, TITLES, Processor
 from verification.report.style import house_style, inline_svg
 from verification.symbolic import Proof
 
@@ -398,4 +398,6 @@ def context(results: Results) -> dict[str, Any]:
         "titles": TITLES,
         "meanings": MEANINGS,
         "chain_bounds": list(notes()),
+        "chain_links": LINKS,
+        "chain_quantities": NAMES,
     }
