@@ -32,13 +32,17 @@ def rational(value: object) -> Fraction:
             return _representable(Fraction(value))
     if isinstance(value, int | Fraction) and not isinstance(value, bool):
         return _representable(Fraction(value))
-    if isinstance(value, Decimal | float) and math.isfinite(value):
+    if isinstance(value, Decimal) and value.is_finite():
+        # As a fraction, 1e-999999999 would fill the memory.
+        return _representable(Fraction(value) if abs(value.adjusted()) < 100 else None)
+    if isinstance(value, float) and math.isfinite(value):
         return _representable(Fraction(value))
     raise broken(_NUMBER_RULE, f"write a number instead of {show(value)}")
 
 
-def _representable(value: Fraction) -> Fraction:
-    if value and not _BINARY32_MIN <= abs(value) <= _BINARY32_MAX:
+def _representable(value: Fraction | None) -> Fraction:
+    """The value, unless binary32 can't hold its magnitude; None is far outside."""
+    if value is None or (value and not _BINARY32_MIN <= abs(value) <= _BINARY32_MAX):
         raise broken(
             "the generated C computes in binary32: 0, or a magnitude from 1.2e-38 to 3.4e38",
             "check the value's unit",

@@ -8,6 +8,7 @@ import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ from plant.controller import LayoutError
 from plant.flight import fly
 from plant.model import build_model, dynamics
 from plant.native import CompilerError
-from plant.robot import Robot, RobotError, load_robot, robot_names
+from plant.robot import FrictionName, Robot, RobotError, load_robot, robot_names
 
 
 class UsageError(Exception):
@@ -128,6 +129,7 @@ def _simulate(arguments: argparse.Namespace, console: Console) -> int:
         arguments.controller,
         experiment=arguments.experiment,
         robot=arguments.robot,
+        friction=arguments.friction,
         speed=arguments.speed,
         substep_s=arguments.substep,
     )
@@ -168,6 +170,11 @@ def _add_simulate(commands: argparse._SubParsersAction[argparse.ArgumentParser])
     )
     parser.add_argument(
         "--robot", help="a robot's name or file; by the number of joints if not given"
+    )
+    parser.add_argument(
+        "--friction",
+        choices=get_args(FrictionName),
+        help="friction model, with the parameters of the robot's file; the file's by default",
     )
     parser.add_argument(
         "--speed", type=_positive, default=1.0, help="how many times as fast, 1 by default"

@@ -11,7 +11,7 @@ import numpy as np
 from codegen.controller import Controller, load
 from plant.closed_loop import PlantError, Run, build_plant, simulate
 from plant.controller import SATURATED, GeneratedController
-from plant.robot import Robot, load_robot
+from plant.robot import FrictionName, Robot, load_robot
 
 DEFAULT_ROBOTS = {3: "reference", 6: "puma560"}
 """The robot for a number of joints, where none is named."""
@@ -58,6 +58,7 @@ def fly(
     *,
     experiment: str | None = None,
     robot: str | None = None,
+    friction: FrictionName | None = None,
     speed: float = 1.0,
     substep_s: float = 1e-4,
     progress: bool | None = None,
@@ -71,6 +72,7 @@ def fly(
         path: the specification.
         experiment: a law preset such as ``Exp08`` whose gains are set, or None.
         robot: a robot file's name or path; by default the one for this number of joints.
+        friction: another friction model than the robot file's, with the file's parameters.
         speed: how many times as fast the trajectory is run.
         substep_s: longest step of the plant's integration [s].
         progress: whether to show a progress bar; by default on a terminal only.
@@ -83,7 +85,7 @@ def fly(
     """
     shipped = load(path)
     tuned = load(path, experiment=experiment)
-    body = load_robot(robot if robot is not None else _default_robot(shipped))
+    body = load_robot(robot if robot is not None else _default_robot(shipped), friction=friction)
     plant = build_plant(body)
     if body.trajectory is None:
         raise PlantError(f"robot {body.name} has no [trajectory]: add one to its file")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -74,6 +75,9 @@ BAD = [
     ("law.kp", [100, 100, -1], "law.kp[2]", "0 or greater", "positive"),
     ("law.inertia_kgm2", 0, "law.inertia_kgm2", "greater than 0", "positive"),
     ("law.kp", 1e-50, "law.kp", "binary32", "unit"),
+    ("law.kp", Decimal("1e-999999999"), "law.kp", "binary32", "unit"),
+    ("law.kp", Decimal("1e999999999"), "law.kp", "binary32", "unit"),
+    ("law.kp", Decimal("nan"), "law.kp", "a finite number", "NaN"),
     ("law.kp", float("inf"), "law.kp", "a finite number", "inf"),
     ("law.kp", float("nan"), "law.kp", "a finite number", "nan"),
     ("law.kp", "1/0", "law.kp", "a finite number", "1/0"),

@@ -10,6 +10,7 @@ import pytest
 from plant.__main__ import main
 from plant.closed_loop import PlantError
 from plant.flight import fly
+from plant.robot import FrictionName
 
 CONTROLLERS = Path(__file__).parents[2] / "controllers"
 PUMA3, PUMA6 = CONTROLLERS / "puma3.toml", CONTROLLERS / "puma6.toml"
@@ -35,6 +36,13 @@ def test_six_joints_track_on_the_published_puma() -> None:
     assert figures["robot"] == "puma560"
     assert max(figures["rms_deg"]) < 0.01
     assert figures["saturated_ticks"] == 0
+
+
+def test_the_friction_model_hardly_matters_but_is_another() -> None:
+    models: tuple[FrictionName, ...] = ("lugre", "coulomb-stribeck")
+    errors = [fly(PUMA3, friction=model, speed=2.0).figures()["rms_deg"] for model in models]
+    assert errors[0] != errors[1]
+    assert errors[0] == pytest.approx(errors[1], rel=0.5)
 
 
 def test_another_number_of_joints_or_another_encoder_is_refused(tmp_path: Path) -> None:

@@ -14,9 +14,10 @@ from pathlib import Path
 
 from codegen.controller import Controller
 from codegen.emit import REPOSITORY, generate, write
+from codegen.rendering import environment
 from plant.native import compiler
 from verification.bench.recording import Replayed, controller_of, input_bytes, sequence_bytes
-from verification.bench.variants import PACKAGE, TARGET, Variant, environment
+from verification.bench.variants import PACKAGE, TARGET, TEMPLATES, Variant
 from verification.firmware import (
     STUB,
     Board,
@@ -158,7 +159,7 @@ def write_data(joints: int, sequences: tuple[Replayed, ...], directory: Path) ->
     (own / "inputs.bin").write_bytes(input_bytes(controller_of(joints), sequences))
     (own / "sequences.bin").write_bytes(sequence_bytes(sequences))
     text = (
-        environment()
+        environment(TEMPLATES)
         .get_template("data.S.j2")
         .render(sequences=len(sequences), results_bytes=(ticks + 1) * result_bytes(joints))
     )

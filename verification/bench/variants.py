@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import Any
 
 import casadi as ca
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from codegen import law
 from codegen.c99 import float_literal
 from codegen.controller import Controller, Joint
 from codegen.exact import binary32
 from codegen.layout import scale_values
+from codegen.rendering import environment
 
 PACKAGE = Path(__file__).parent
 TARGET = PACKAGE / "target"
@@ -51,20 +51,10 @@ class Variant:
     flags: tuple[str, ...] = ()
 
 
-def environment() -> Environment:
-    """The templates of the C that the bench writes."""
-    return Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        autoescape=False,
-    )
-
-
 def _render(template: str, target: Path, **values: Any) -> Path:
-    target.write_text(environment().get_template(template).render(values), encoding="utf-8")
+    target.write_text(
+        environment(TEMPLATES).get_template(template).render(values), encoding="utf-8"
+    )
     return target
 
 
