@@ -24,18 +24,18 @@ is both), and rounds the curvature to an integer: the tables are fitted with bot
 Error budget, worst cases, in units 2^-24 of the result (its ulp is 1 to 2 of these units):
 
 ===============================================================  =================
-quadratic for log2: polynomial, rounded curvature, tied constant 1.33 ln 2 |a - 1|
+quadratic for log2: polynomial, rounded curvature, tied constant 1.37 ln 2 |a - 1|
 log2 rounded down to Q24                                         0.50 ln 2 |a - 1|
 product rounded down to Q23                                      1.00 ln 2
-quadratic for exp2: the same three                               1.00
+quadratic for exp2: the same three                               1.01
 exp2 rounded down to a float                                     1.00
 exponent rounded to Q31                                          2^-8 ln 2 |log2 x|
 last multiplication                                              0.5 ulp
 ===============================================================  =================
 
 Rounding down is centred by a half in the tables' constants. `SigPowTables.ulp_bound` adds the
-terms up segment by segment, with the mantissas at which they can meet; the fits' errors are taken
-at 65 points a segment, which is within a thousandth of their maxima. All floats in [2^-30, 2^7):
+terms up segment by segment, with the mantissas at which they can meet; each fit's error is bounded
+between the points that were looked at, too, by the second derivative. All floats in [2^-30, 2^7):
 `exhaustive`.
 """
 
@@ -55,7 +55,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from fractions import Fraction
-from itertools import product
+from itertools import pairwise, product
 from pathlib import Path
 
 from mpmath import cos, log, mp, mpf, nint, pi, power
@@ -90,7 +90,8 @@ class Segment:
     Attributes:
         constant: in units of the last place.
         slope: 32 bits in two's complement, in units 2^-32; its lowest byte is the curvature.
-        error: the largest distance to the function, in units of the last place.
+        error: a bound of the distance to the function, in units of the last place, which holds
+            at every offset and not only at those that were looked at.
     """
 
     constant: int
@@ -105,7 +106,7 @@ class Segment:
 
 @dataclass(frozen=True)
 class SigPowTables:
-    """The tables of sig_pow, and a bound of its error (fits checked at 65 points a segment).
+    """The tables of sig_pow, and what is proved of its error.
 
     Attributes:
         log2: 64 words; log2(1 + m) - m in units 2^-24, less 128.
@@ -167,7 +168,10 @@ def _log2_segment(index: int) -> Segment:
         m = mpf((index + 1) * width + d) / 2**24
         return _centred((log(1 + m, 2) - m) * 2**24)
 
-    return _fit(correction, range(-width, 1), sign=-1)
+    def bending(d: int) -> mpf:
+        return -1 / (log(2) * (1 + mpf((index + 1) * width + d) / 2**24) ** 2) / 2**24
+
+    return _fit(correction, bending, range(-width, 1), sign=-1)
 
 
 def _exp2_segment(index: int) -> Segment:
@@ -180,7 +184,11 @@ def _exp2_segment(index: int) -> Segment:
         f = (mpf(z) + mpf(1) / 2) / 2**23
         return _centred((power(2, f) - 1) * 2**23 - z)
 
-    return _fit(correction, range(width + 1), sign=1)
+    def bending(d: int) -> mpf:
+        f = (mpf(index * width + d) + mpf(1) / 2) / 2**23
+        return log(2) ** 2 * power(2, f) / 2**23
+
+    return _fit(correction, bending, range(width + 1), sign=1)
 
 
 def _centred(value: mpf) -> int:
@@ -188,11 +196,12 @@ def _centred(value: mpf) -> int:
     return int(nint((value + mpf(1) / 2) * _UNIT))
 
 
-def _fit(f: Function, offsets: range, sign: int) -> Segment:
+def _fit(f: Function, bending: Callable[[int], mpf], offsets: range, sign: int) -> Segment:
     """The best ``constant + d (slope + sign curvature d)`` under the packing, by minimax.
 
     Args:
         f: what to approximate.
+        bending: its second derivative by the offset, in units of the last place; monotone.
         offsets: the segment; its length is a power of two, plus one.
         sign: of the curvature.
     """
@@ -232,8 +241,14 @@ def _fit(f: Function, offsets: range, sign: int) -> Segment:
         curved = slope + sign * (slope % (1 << CURVATURE_BITS)) * d
         return constant * _UNIT + slope % _UNIT + d * curved
 
-    largest = max(abs(polynomial(d) - f(d)) for d in _nodes(offsets, _CHECK_NODES))
-    return Segment(constant, slope, largest / _UNIT)
+    nodes = _nodes(offsets, _CHECK_NODES)
+    largest = max(abs(polynomial(d) - f(d)) for d in nodes) + 1  # f is rounded to an integer
+    # Between two nodes a function exceeds its values there by gap^2/8 of its second derivative at
+    # most. That of the difference is a constant less a monotone function: the ends have it.
+    constant_bending = mpf(2 * sign * (slope % (1 << CURVATURE_BITS))) / _UNIT
+    steepest = max(abs(constant_bending - bending(end)) for end in (offsets[0], offsets[-1]))
+    gap = max(after - before for before, after in pairwise(nodes))
+    return Segment(constant, slope, float(mpf(largest) / _UNIT + mpf(gap) ** 2 / 8 * steepest))
 
 
 def _nodes(offsets: range, count: int) -> list[int]:
