@@ -32,7 +32,8 @@ from verification.firmware import (
     load_board,
     tool,
 )
-from verification.pil import Flight, Target, TargetError, fly
+from verification.pil import Flight, fly
+from verification.target import Target, TargetError
 
 RESULT = FIRMWARE_BUILD / "size.json"
 CONTROLLERS = ("puma3", "puma6")

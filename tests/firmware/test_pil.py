@@ -13,10 +13,12 @@ import numpy as np
 import pytest
 
 import verification.pil as pil
+import verification.target as target_module
 from codegen.emit import REPOSITORY
 from plant.closed_loop import ControllerOutput
 from verification.firmware import build, emulated_board_names, load_board
-from verification.pil import Flight, Mismatch, Target, TargetError, first_mismatch, main, run
+from verification.pil import Flight, Mismatch, first_mismatch, main, run
+from verification.target import Target, TargetError
 
 EXP08 = Flight("puma3", "Exp08")
 BOARDS = emulated_board_names()
@@ -154,7 +156,7 @@ def test_another_controller_on_the_target_is_refused() -> None:
 
 
 def test_an_image_that_does_not_answer_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pil, "SILENCE_S", 0.5)
+    monkeypatch.setattr(target_module, "SILENCE_S", 0.5)
     board = load_board(ARM)
     with pytest.raises(TargetError, match=r"said nothing for 0\.5 s"):
         Target(board, build(board, "puma3", "app"), EXP08.tuned())
