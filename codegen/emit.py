@@ -23,6 +23,7 @@ from codegen.layout import (
     Range,
     Scalar,
     Struct,
+    common_scale,
     joint_config_values,
     layout,
     scale_values,
@@ -73,7 +74,8 @@ def print_joint_law(controller: Controller, structures: Layout) -> PrintedLaw:
         if parameter.home is law.Home.GAIN:
             return f"gains->{fields[parameter.name]}"
         if parameter.home is law.Home.SCALE:
-            return f"scale->{parameter.name}"
+            shared = common_scale(controller) is not None
+            return f"{parameter.name.upper()}_SCALE" if shared else f"scale->{parameter.name}"
         if parameter.home is law.Home.CONSTANT:
             return f"TDC_{controller.name.upper()}_{parameter.name.upper()}_S"
         return parameter.name
@@ -236,6 +238,7 @@ def _controller_context(
         "memory": _MEMORY,
         "literal": float_literal,
         "counts_per_rad": lambda joint: binary32(1.0 / joint.rad_per_count),
+        "common_scale": common_scale(controller),
         "scale_values": lambda joint: scale_values(controller, joint),
         "defaults": defaults,
         "initialiser": initialiser,

@@ -291,5 +291,14 @@ def scale_values(controller: Controller, joint: Joint) -> dict[str, float]:
     }
 
 
+def common_scale(controller: Controller) -> dict[str, float] | None:
+    """The conversion factors of every joint where all have the same, else None.
+
+    Constants in the code are cheaper than a table of them, and leave a register free.
+    """
+    first, *others = (scale_values(controller, joint) for joint in controller.joints)
+    return first if all(other == first for other in others) else None
+
+
 def _attribute(gain: str) -> str:
     return "lambda_" if gain == "lambda" else gain

@@ -47,17 +47,19 @@ def test_by_serial_port(name: str) -> None:
     assert by_uart.ticks == 40
 
 
+SPOILT_JOINT = 1
+
+
 def spoilt_constant(tmp_path: Path) -> Path:
-    """The generated C with one constant moved by its last digit."""
+    """The generated C with one constant of one joint moved by its last digit."""
     copy = tmp_path / "puma3"
     shutil.copytree(REPOSITORY / "generated" / "puma3", copy)
     source = copy / "tdc_puma3.c"
     text = source.read_text(encoding="utf-8")
-    assert ".acceleration = 6.391587f" in text
-    source.write_text(
-        text.replace(".acceleration = 6.391587f", ".acceleration = 6.391588f", 1),
-        encoding="utf-8",
-    )
+    right = "displacement_change * ACCELERATION_SCALE"
+    wrong = f"displacement_change * ((i == {SPOILT_JOINT}u) ? 6.391588f : ACCELERATION_SCALE)"
+    assert text.count(right) == 1
+    source.write_text(text.replace(right, wrong), encoding="utf-8")
     return copy
 
 
@@ -87,7 +89,7 @@ def test_a_target_that_computes_something_else_is_found_and_named(
     for part in (f"tick {where.tick}, joint {where.joint}", where.target, where.host):
         assert part in told
     if damage == "constant":
-        assert where.joint == 0, "the constant belongs to joint 0"
+        assert where.joint == SPOILT_JOINT
 
 
 def outputs(*rows: tuple[list[float], int]) -> list[ControllerOutput]:
@@ -194,7 +196,7 @@ def test_command_with_a_mismatch(
     assert main([*words, "--output", str(tmp_path / "pil.json")]) == 1
     told = capsys.readouterr().out
     assert "DIFFERENT" in told
-    assert "joint 0" in told
+    assert f"joint {SPOILT_JOINT}" in told
 
 
 def test_command_without_a_specification(capsys: pytest.CaptureFixture[str]) -> None:

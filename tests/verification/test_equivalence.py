@@ -95,7 +95,7 @@ MUTANTS = {
         "last_torque - (gains->inertia_kgm2",
         "last_torque + (gains->inertia_kgm2",
     ),
-    "1/256 dropped": ("error_q8 * scale->position;", "error_q8 * 256.0f * scale->position;"),
+    "1/256 dropped": ("error_q8 * POSITION_SCALE;", "error_q8 * 256.0f * POSITION_SCALE;"),
     "commanded torque remembered": (
         "state->joint[i] = next[i];",
         "state->joint[i] = next[i]; state->joint[i].applied_torque_Nm = 1.01f * torque;",
@@ -134,7 +134,7 @@ MUTANTS = {
         "(displacement_counts < -1073741824)",
     ),
     "infinity passed on": (
-        "if ((tdc_is_finite(control_torque) & tdc_is_finite(next_sliding_integral)) == 0u) {",
+        "if (tdc_is_finite(control_torque + next_sliding_integral) == 0u) {",
         "if (tdc_is_finite(next_sliding_integral) == 0u) {",
     ),
     "wrong torque after an error": (
