@@ -72,12 +72,14 @@ def test_overruns_of_the_real_timer_end_in_a_fault(application: Application) -> 
     told = numbers(application.wait_for(in_mode(IN_FAULT)))
     assert told[FAULT] == OVERRUN_FAULT
     assert told[OVERRUNS] == 3
-    # The numbers of a thousand ticks: none was late but those that were made so.
-    assert all(
-        numbers(line)[OVERRUNS] == 0
+    calm = [
+        numbers(line)[OVERRUNS]
         for line in application.lines
         if in_mode(RUNNING)(line) or in_mode(HOLDING)(line)
-    )
+    ]
+    # None was late but those that were made so; the last record may fall among these.
+    assert set(calm[:-1]) <= {0}
+    assert calm[-1] < 3
 
 
 def test_faults_and_the_way_out_of_them(application: Application) -> None:
