@@ -57,13 +57,14 @@ class PrintedLaw:
     measurement: tuple[Statement, ...]
     switch_on: tuple[Statement, ...]
     torque_law: tuple[Statement, ...]
+    saturation: tuple[Statement, ...]
     signals: frozenset[str]
     """Names of the signals that the statements read."""
 
     @property
     def statements(self) -> tuple[Statement, ...]:
         """All statements in the order of the C."""
-        return (*self.measurement, *self.switch_on, *self.torque_law)
+        return (*self.measurement, *self.switch_on, *self.torque_law, *self.saturation)
 
 
 def print_joint_law(controller: Controller, structures: Layout) -> PrintedLaw:
@@ -86,8 +87,11 @@ def print_joint_law(controller: Controller, structures: Layout) -> PrintedLaw:
         law.torque_law(controller.options),
     )
     measurement, switch_on, torque_law = (print_law(f, spelling) for f in functions)
+    # The step looks first whether any torque must be limited; rarely one must.
+    saturation = tuple(s for s in torque_law if s.name == "limited_torque")
+    torque_law = tuple(s for s in torque_law if s not in saturation)
     signals = frozenset(i.name for f in functions for i in f.inputs if i.home is law.Home.SIGNAL)
-    return PrintedLaw(measurement, switch_on, torque_law, signals)
+    return PrintedLaw(measurement, switch_on, torque_law, saturation, signals)
 
 
 def generate(controller: Controller) -> GeneratedFiles:
@@ -221,6 +225,7 @@ def _controller_context(
             return f"{{{_integer(int(value))}}} /* {_default_text(field, joint, controller)} */"
         return float_literal(float(value)) if field.type is Scalar.FLOAT else _integer(int(value))
 
+    demanded = "filtered_torque" if controller.options.low_pass else "control_torque"
     return {
         "c": controller,
         "title": _comment_lines(_title(controller)),
@@ -234,8 +239,11 @@ def _controller_context(
         "switch_on": printed.switch_on,
         "torque_law": printed.torque_law,
         "signals": printed.signals,
-        "checked_torque": "filtered_torque" if controller.options.low_pass else "control_torque",
-        "memory": _MEMORY,
+        "saturation": printed.saturation,
+        "demanded_torque": demanded,
+        "measured": _MEASURED,
+        "memory": {**_MEMORY, "applied_torque_Nm": demanded},
+        "even_motion": _EVEN_MOTION,
         "literal": float_literal,
         "counts_per_rad": lambda joint: binary32(1.0 / joint.rad_per_count),
         "common_scale": common_scale(controller),
@@ -257,13 +265,19 @@ def _comment_lines(text: str) -> list[str]:
     return textwrap.wrap(text.replace("*/", "* /"), 96)
 
 
-# What joint_step stores in the fields of joint_state that not every law has, or that it computes.
+# Fields of joint_state that not every law has: what measure() finds for them,
+_MEASURED = {"displacement_change": "change_counts", "error_q8": "error_counts_q8"}
+# what joint_step() stores in them and in those that it computes,
 _MEMORY = {
-    "displacement_change": "change_counts",
-    "error_q8": "error_counts_q8",
-    "reference_velocity_rad_per_s": "reference_velocity",
+    **{field: f"now.{name}" for field, name in _MEASURED.items()},
+    "reference_velocity_rad_per_s": "input->reference_velocity_rad_per_s[i]",
     "sliding_integral_rad_per_s": "next_sliding_integral",
-    "applied_torque_Nm": "limited_torque",
+}
+# and what they are while the robot moves evenly.
+_EVEN_MOTION = {
+    "displacement_change": "0",
+    "error_q8": "position_error_q8(input, i)",
+    "reference_velocity_rad_per_s": "input->reference_velocity_rad_per_s[i]",
 }
 
 

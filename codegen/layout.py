@@ -49,6 +49,7 @@ class Field:
         doc: a plain sentence.
         unit: its unit, empty for a pure number.
         count: how many elements, None for a single one.
+        per_joint: whether these are one for each joint.
         range: what the run-time check takes, None where any value is taken.
         quantity: the law's name of the value (``codegen.law``), None where it has none.
     """
@@ -60,6 +61,7 @@ class Field:
     count: int | None = None
     range: Range | None = None
     quantity: str | None = None
+    per_joint: bool = True
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,7 @@ class Layout:
     joint_config: Struct
     config: Struct
     joint_state: Struct
+    joint_memory: Struct
     state: Struct
     input: Struct
     scale: Struct
@@ -85,7 +88,14 @@ class Layout:
     @property
     def public(self) -> tuple[Struct, ...]:
         """The structures of the header, in the order of their declaration."""
-        return (self.joint_config, self.config, self.joint_state, self.state, self.input)
+        return (
+            self.joint_config,
+            self.config,
+            self.joint_state,
+            self.joint_memory,
+            self.state,
+            self.input,
+        )
 
 
 _UNIT_SUFFIX = {"kg m^2": "_kgm2", "N m": "_Nm", "rad/s": "_rad_per_s", "rad/s^2": "_rad_per_s2"}
@@ -115,11 +125,13 @@ def layout(options: LawOptions, joints: int) -> Layout:
     """The structures of a controller with these options and this number of joints."""
     joint_config = _joint_config(options)
     joint_state = _joint_state(options)
+    joint_memory = _joint_memory(joint_state)
     return Layout(
         joint_config,
         _config(joint_config, joints),
         joint_state,
-        _state(joint_state, joints),
+        joint_memory,
+        _state(joint_memory, joints),
         _input(options, joints),
         _scale(options),
     )
@@ -183,14 +195,30 @@ def _joint_state(options: LawOptions) -> Struct:
     return Struct("joint_state", "What one joint remembers from tick to tick.", tuple(fields))
 
 
-def _state(joint_state: Struct, joints: int) -> Struct:
+def _joint_memory(joint_state: Struct) -> Struct:
+    return Struct(
+        "joint_memory",
+        "The last tick's memory of a joint, and room for the next one.",
+        (
+            Field(
+                "tick",
+                joint_state,
+                "the last one's index is the lowest bit of the phase",
+                count=2,
+                per_joint=False,
+            ),
+        ),
+    )
+
+
+def _state(joint_memory: Struct, joints: int) -> Struct:
     return Struct(
         "state",
         "The controller's memory. The user owns it and leaves it alone; init fills it.",
         (
             Field("phase", Scalar.UINT32, "TDC_PHASE_START or TDC_PHASE_RUNNING after init"),
-            Field("saturated_joints", Scalar.UINT32, "bit i is set while joint i is at its limit"),
-            Field("joint", joint_state, "memory of each joint", count=joints),
+            Field("saturated_joints", Scalar.UINT32, "bit i is set while joint i is cut to its limit"),
+            Field("joint", joint_memory, "memory of each joint", count=joints),
         ),
     )
 

@@ -2,14 +2,12 @@
 
 The C is in ``templates/tdc_sig_pow.h.j2``; this module derives its tables and bounds its error.
 
-Method. ``y = X · 2^(b log2|x| - 23)`` with ``X = 2^23 x`` and ``b = a - 1``. Sign, zeros, NaN,
-infinities and overflow come out of the multiplication by ``X``, and ``a = 1`` is exact. ``X`` is
-never subnormal, so that subnormal ``x`` need no case of their own; the same factor keeps the
-multiplier ``2^(b log2|x| - 23)`` a normal float for every exponent from 0 to 2.
+Method. ``y = x · 2^(b log2|x|)`` with ``b = a - 1``. Sign, zeros, NaN, infinities and overflow come
+out of the multiplication by ``x``, and ``a = 1`` is exact.
 
 Both functions are taken in integers, by one quadratic a segment, 64 segments each:
 
-- ``log2``: the bits of ``|X|``, shifted left by one, are its exponent and mantissa ``e + m`` in
+- ``log2``: the bits of ``|x|``, shifted left by one, are its exponent and mantissa ``e + m`` in
   Q24. A quadratic in ``m`` corrects them by ``log2(1 + m) - m``.
 - ``b log2|x|`` is the high word of a 64-bit product of Q31 and Q24: Q23, rounded down.
 - ``exp2``: a number in Q23 is, read as the bits of a float, ``2^n (1 + f)``. A quadratic in the
@@ -24,7 +22,7 @@ is both), and rounds the curvature to an integer: the tables are fitted with bot
 Error budget, worst cases, in units 2^-24 of the result (its ulp is 1 to 2 of these units):
 
 ===============================================================  =================
-quadratic for log2: polynomial, rounded curvature, tied constant 1.37 ln 2 |a - 1|
+quadratic for log2: polynomial, rounded curvature, tied constant 1.31 ln 2 |a - 1|
 log2 rounded down to Q24                                         0.50 ln 2 |a - 1|
 product rounded down to Q23                                      1.00 ln 2
 quadratic for exp2: the same three                               1.01
@@ -37,6 +35,10 @@ Rounding down is centred by a half in the tables' constants. `SigPowTables.ulp_b
 terms up segment by segment, with the mantissas at which they can meet; each fit's error is bounded
 between the points that were looked at, too, by the second derivative. All floats in [2^-30, 2^7):
 `exhaustive`.
+
+A subnormal ``x`` has no leading one in its mantissa, so that its bits are no logarithm: the result
+lies on a chord from 0 to the value at 2^-126. A scaling by 2^23 would mend it for one
+multiplication and one 64-bit sum a power, which no signal of a robot is worth.
 """
 
 from __future__ import annotations
@@ -68,9 +70,6 @@ INDEX_BITS = 6
 SEGMENTS = 1 << INDEX_BITS
 CURVATURE_BITS = 8
 EXPONENT_Q31_MAX = 2**31 - 1
-SCALE_LOG2 = 23
-"""X = 2^23 x: the smallest power of two that makes every subnormal normal."""
-
 PAPER_EXPONENTS = ("0.95", "95/105", "0.98", "98/102", "0.4", "0.6", "0.8", "1.2", "1.5")
 """Exponents of the paper (alpha, alpha / (2 - alpha)) and a fan around them."""
 
@@ -109,7 +108,7 @@ class SigPowTables:
     """The tables of sig_pow, and what is proved of its error.
 
     Attributes:
-        log2: 64 words; log2(1 + m) - m in units 2^-24, less 128.
+        log2: 64 words; log2(1 + m) - m in units 2^-24, less 127.
         exp2: 64 words; 2^f - 1 - f in units 2^-23, plus one.
         ulp_bound: the largest error of a normal result in units of its last place, for an
             exponent that is exact in Q31. One that was rounded to nearest adds 2^-8 ln 2 |log2 x|
@@ -121,6 +120,11 @@ class SigPowTables:
     exp2: tuple[int, ...]
     ulp_bound: float
     relative_bound: float
+
+    @property
+    def relative_text(self) -> str:
+        """The relative bound as a power of two, rounded up."""
+        return f"2^{math.ceil(math.log2(self.relative_bound) * 100) / 100:.2f}"
 
 
 @functools.cache
@@ -135,7 +139,7 @@ def tables() -> SigPowTables:
         mp.prec = precision
     ulps, relative = _bounds(log2, exp2)
     return SigPowTables(
-        log2=tuple(s.word(-(128 << 24)) for s in log2),
+        log2=tuple(s.word(-(127 << 24)) for s in log2),
         exp2=tuple(s.word(1 << 23) for s in exp2),
         ulp_bound=ulps,
         relative_bound=relative,
@@ -161,17 +165,23 @@ def exponent_q31(a: Fraction | float) -> int:
 
 
 def _log2_segment(index: int) -> Segment:
-    """Corrects e + m to log2(2^e (1 + m)) in Q24; the offset counts down from the right end."""
+    """Corrects e + m to log2(2^e (1 + m)) in Q24.
+
+    The offset is what lies below the index's lowest bit, with that bit as its sign: it counts up
+    from the left end of an even segment, and down from the right end of an odd one.
+    """
     width = 1 << (24 - INDEX_BITS)
+    odd = index % 2
+    origin = (index + odd) * width
 
     def correction(d: int) -> int:
-        m = mpf((index + 1) * width + d) / 2**24
+        m = mpf(origin + d) / 2**24
         return _centred((log(1 + m, 2) - m) * 2**24)
 
     def bending(d: int) -> mpf:
-        return -1 / (log(2) * (1 + mpf((index + 1) * width + d) / 2**24) ** 2) / 2**24
+        return -1 / (log(2) * (1 + mpf(origin + d) / 2**24) ** 2) / 2**24
 
-    return _fit(correction, bending, range(-width, 1), sign=-1)
+    return _fit(correction, bending, range(-odd * width, (1 - odd) * width + 1), sign=-1)
 
 
 def _exp2_segment(index: int) -> Segment:
@@ -450,7 +460,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     bound = tables()
     print(
-        f"bound: {bound.ulp_bound:.2f} ulp, relative 2^{math.log2(bound.relative_bound):.2f}"
+        f"bound: {bound.ulp_bound:.2f} ulp, relative {bound.relative_text}"
         " (exponents exact in Q31)"
     )
     if not options.exhaustive:
