@@ -31,7 +31,7 @@ exponent rounded to Q31                                          2^-8 ln 2 |log2
 last multiplication                                              0.5 ulp
 ===============================================================  =================
 
-Rounding down is centred by a half in the tables' constants. `SigPowTables.ulp_bound` adds the
+Rounding down is centred by a half in the tables' constants. `composed_bounds` adds the
 terms up segment by segment, with the mantissas at which they can meet; each fit's error is bounded
 between the points that were looked at, too, by the second derivative. All floats in [2^-30, 2^7):
 `exhaustive`.
@@ -59,6 +59,7 @@ from dataclasses import asdict, dataclass
 from fractions import Fraction
 from itertools import pairwise, product
 from pathlib import Path
+from typing import Any
 
 from mpmath import cos, log, mp, mpf, nint, pi, power
 
@@ -104,27 +105,43 @@ class Segment:
 
 
 @dataclass(frozen=True)
+class Bounds:
+    """What is proved of a kernel's error wherever base and result are normal floats.
+
+    Attributes:
+        ulp: the largest error in units of the result's last place.
+        relative: the largest relative error.
+    """
+
+    ulp: float
+    relative: float
+
+    @classmethod
+    def rounded_up(cls, ulp: float, units: float) -> Bounds:
+        """From an error in ulp and one in units 2^-24 of the result."""
+        return cls(math.ceil(ulp * 100) / 100, math.ceil(units * 100) / 100 * 2.0**-24)
+
+    @property
+    def text(self) -> str:
+        """Both bounds, for people."""
+        power = math.ceil(math.log2(self.relative) * 100) / 100
+        return f"{self.ulp:.2f} ulp, 2^{power:.2f} relative"
+
+
+@dataclass(frozen=True)
 class SigPowTables:
     """The tables of sig_pow, and what is proved of its error.
 
     Attributes:
         log2: 64 words; log2(1 + m) - m in units 2^-24, less 127.
         exp2: 64 words; 2^f - 1 - f in units 2^-23, plus one.
-        ulp_bound: the largest error of a normal result in units of its last place, for an
-            exponent that is exact in Q31. One that was rounded to nearest adds 2^-8 ln 2 |log2 x|
-            at most.
-        relative_bound: the same as a relative error.
+        bounds: of the error, for an exponent that is exact in Q31. One that was rounded to
+            nearest adds 2^-8 ln 2 |log2 x| ulp at most.
     """
 
     log2: tuple[int, ...]
     exp2: tuple[int, ...]
-    ulp_bound: float
-    relative_bound: float
-
-    @property
-    def relative_text(self) -> str:
-        """The relative bound as a power of two, rounded up."""
-        return f"2^{math.ceil(math.log2(self.relative_bound) * 100) / 100:.2f}"
+    bounds: Bounds
 
 
 @functools.cache
@@ -137,12 +154,14 @@ def tables() -> SigPowTables:
         exp2 = tuple(_exp2_segment(i) for i in range(SEGMENTS))
     finally:
         mp.prec = precision
-    ulps, relative = _bounds(log2, exp2)
     return SigPowTables(
         log2=tuple(s.word(-(127 << 24)) for s in log2),
         exp2=tuple(s.word(1 << 23) for s in exp2),
-        ulp_bound=ulps,
-        relative_bound=relative,
+        bounds=composed_bounds(
+            # Besides the fit's: half a unit from rounding down, and one from the product's.
+            [math.log(2) * (s.error + 0.5 + 1.0) for s in log2],
+            [2 * (s.error + 0.5) for s in exp2],
+        ),
     )
 
 
@@ -215,7 +234,7 @@ def _fit(f: Function, bending: Callable[[int], mpf], offsets: range, sign: int) 
         offsets: the segment; its length is a power of two, plus one.
         sign: of the curvature.
     """
-    nodes = _nodes(offsets, _FIT_NODES)
+    nodes = chebyshev_nodes(offsets, _FIT_NODES)
     values = [f(d) for d in nodes]
     middle, width = _FIT_NODES // 2, offsets[-1] - offsets[0]
     second_difference = abs(values[0] - 2 * values[middle] + values[-1])
@@ -240,7 +259,7 @@ def _fit(f: Function, bending: Callable[[int], mpf], offsets: range, sign: int) 
                 packed + (steps << CURVATURE_BITS),
                 1 << CURVATURE_BITS,
             )
-            slope = _minimum(slopes, functools.partial(error, constant, line))
+            slope = valley(slopes, functools.partial(error, constant, line))
             candidate = (error(constant, line, slope), constant, slope)
             best = candidate if best is None else min(best, candidate)
     assert best is not None
@@ -251,7 +270,7 @@ def _fit(f: Function, bending: Callable[[int], mpf], offsets: range, sign: int) 
         curved = slope + sign * (slope % (1 << CURVATURE_BITS)) * d
         return constant * _UNIT + slope % _UNIT + d * curved
 
-    nodes = _nodes(offsets, _CHECK_NODES)
+    nodes = chebyshev_nodes(offsets, _CHECK_NODES)
     largest = max(abs(polynomial(d) - f(d)) for d in nodes) + 1  # f is rounded to an integer
     # Between two nodes a function exceeds its values there by gap^2/8 of its second derivative at
     # most. That of the difference is a constant less a monotone function: the ends have it.
@@ -261,13 +280,13 @@ def _fit(f: Function, bending: Callable[[int], mpf], offsets: range, sign: int) 
     return Segment(constant, slope, float(mpf(largest) / _UNIT + mpf(gap) ** 2 / 8 * steepest))
 
 
-def _nodes(offsets: range, count: int) -> list[int]:
+def chebyshev_nodes(offsets: range, count: int) -> list[int]:
     """Chebyshev's points with both ends; mpmath rounds them alike everywhere."""
     start, width = offsets[0], offsets[-1] - offsets[0]
     return [start + int(nint(width * (1 - cos(pi * k / count)) / 2)) for k in range(count + 1)]
 
 
-def _minimum(arguments: range, f: Callable[[int], int]) -> int:
+def valley(arguments: range, f: Callable[[int], Any]) -> int:
     """Where a function with a single valley is least, by ternary search."""
     low, high = 0, len(arguments) - 1
     while high - low > 2:
@@ -279,18 +298,22 @@ def _minimum(arguments: range, f: Callable[[int], int]) -> int:
     return min(arguments[low : high + 1], key=f)
 
 
-def _bounds(log2: tuple[Segment, ...], exp2: tuple[Segment, ...]) -> tuple[float, float]:
-    """Bounds of the error for every x and every exponent in Q31: in ulp, and relative.
+def composed_bounds(exponents: Sequence[float], multipliers: Sequence[float]) -> Bounds:
+    """Bounds of the error for every x and every exponent in Q31.
 
     The mantissa of the result is the product of those of x, in log2's segment i, and of the
-    multiplier, in exp2's segment j, halved if it reaches two. All in units 2^-24, rounded up.
+    multiplier, in exp2's segment j, halved if it reaches two.
+
+    Args:
+        exponents: for each segment of log2, the error of the multiplier that its exponent makes,
+            relative, in units 2^-24.
+        multipliers: for each segment of exp2, the error of the multiplier besides, in units 2^-24
+            of a multiplier of 1.
     """
     worst_ulps, worst_units = 0.0, 0.0
-    for i, j in product(range(SEGMENTS), repeat=2):
-        x_low, x_high = 1 + i / SEGMENTS, 1 + (i + 1) / SEGMENTS
-        g_low, g_high = 2 ** (j / SEGMENTS), 2 ** ((j + 1) / SEGMENTS)
-        exponent = math.log(2) * (log2[i].error + 0.5 + 1.0)
-        multiplier = 2 * (exp2[j].error + 0.5)  # relative to 2^-24, of a multiplier of 1
+    for (i, exponent), (j, multiplier) in product(enumerate(exponents), enumerate(multipliers)):
+        x_low, x_high = 1 + i / len(exponents), 1 + (i + 1) / len(exponents)
+        g_low, g_high = 2 ** (j / len(multipliers)), 2 ** ((j + 1) / len(multipliers))
         if x_low * g_low < 2:  # ulp = 2 units of the product's scale
             ulps = exponent * min(2.0, x_high * g_high) / 2
             ulps += multiplier * min(x_high, 2 / g_low) / 2 + 0.5
@@ -300,7 +323,7 @@ def _bounds(log2: tuple[Segment, ...], exp2: tuple[Segment, ...]) -> tuple[float
             ulps = exponent * x_high * g_high / 4 + multiplier * x_high / 4 + 0.5
             units = exponent + multiplier / g_low + 2 / max(2.0, x_low * g_low)
             worst_ulps, worst_units = max(worst_ulps, ulps), max(worst_units, units)
-    return math.ceil(worst_ulps * 100) / 100, math.ceil(worst_units * 100) / 100 * 2.0**-24
+    return Bounds.rounded_up(worst_ulps, worst_units)
 
 
 _SURVEY_C = r"""
@@ -460,8 +483,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     bound = tables()
     print(
-        f"bound: {bound.ulp_bound:.2f} ulp, relative {bound.relative_text}"
-        " (exponents exact in Q31)"
+        f"bound: {bound.bounds.text} (exponents exact in Q31)"
     )
     if not options.exhaustive:
         return 0
@@ -477,8 +499,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
     report = {
         "range": [2.0**-30, 2.0**7],
-        "ulp_bound": bound.ulp_bound,
-        "relative_bound": bound.relative_bound,
+        "ulp_bound": bound.bounds.ulp,
+        "relative_bound": bound.bounds.relative,
         "exhaustive": [asdict(row) for row in surveys],
     }
     options.output.parent.mkdir(parents=True, exist_ok=True)
