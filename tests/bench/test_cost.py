@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from verification.bench.present import cases, chart, tables
-from verification.bench.rows import Result, row_of, save
+from verification.bench.rows import Result, load, row_of, save
 from verification.bench.variants import (
     CASADI_POWF,
     LINEAR_FLOOR,
@@ -106,6 +107,29 @@ def test_plugin_and_timer_agree_in_every_tick(result: Result) -> None:
         assert row.disagreements == 0
 
 
+@pytest.mark.parametrize("core", CORES)
+def test_cycles_are_estimated_where_there_is_a_table(result: Result, core: str) -> None:
+    for variant in VARIANTS:
+        row = row_of(result.rows, variant, core, JOINTS)
+        if core in ("Cortex-M7", "RV32IMAFC"):
+            assert row.estimated_cycles is None
+        else:
+            assert row.estimated_cycles is not None
+            assert 1.05 < row.estimated_cycles / row.instructions_per_step < 2.0
+
+
+def test_json_without_estimates_is_still_read(result: Result, tmp_path: Path) -> None:
+    path = save(result, tmp_path / "step.json")
+    assert load(path) == result
+    left = json.loads(path.read_text(encoding="utf-8"))
+    for row in left["rows"]:
+        del row["estimated_cycles"]
+    path.write_text(json.dumps(left), encoding="utf-8")
+    old = load(path)
+    assert old is not None
+    assert old.rows == tuple(replace(row, estimated_cycles=None) for row in result.rows)
+
+
 def test_json_has_the_rows(result: Result, tmp_path: Path) -> None:
     data = json.loads(save(result, tmp_path / "step.json").read_text(encoding="utf-8"))
     assert {(r["variant"], r["core"], r["joints"]) for r in data["rows"]} == {
@@ -120,6 +144,7 @@ def test_json_has_the_rows(result: Result, tmp_path: Path) -> None:
     assert all("-O2" in c["flags"] for c in data["conditions"])
     assert set(data["variants"]) == {variant.name for variant in VARIANTS}
     assert data["evidence"] == "measured"
+    assert "Nothing of it was measured" in data["estimated_cycles"]
 
 
 def test_chart_shows_every_row(result: Result) -> None:
