@@ -198,19 +198,24 @@ int qemu_plugin_install(qemu_plugin_id_t id, const qemu_info_t *info, int argc, 
     (void)info;
     const char *runs_name = NULL;
     for (int i = 0; i < argc; ++i) {
-        const char *text = NULL;
-        if ((text = value_of(argv[i], "begin=")) != NULL) {
-            begin_address = strtoull(text, NULL, 0);
-        } else if ((text = value_of(argv[i], "end=")) != NULL) {
-            end_address = strtoull(text, NULL, 0);
-        } else if ((text = value_of(argv[i], "out=")) != NULL) {
-            output = fopen(text, "w");
-        } else if ((text = value_of(argv[i], "runs=")) != NULL) {
-            runs_name = text;
-        } else if ((text = value_of(argv[i], "first=")) != NULL) {
-            first_pass = strtoull(text, NULL, 0);
-        } else if ((text = value_of(argv[i], "last=")) != NULL) {
-            last_pass = strtoull(text, NULL, 0);
+        const char *const begin = value_of(argv[i], "begin=");
+        const char *const end = value_of(argv[i], "end=");
+        const char *const out = value_of(argv[i], "out=");
+        const char *const record = value_of(argv[i], "runs=");
+        const char *const first = value_of(argv[i], "first=");
+        const char *const last = value_of(argv[i], "last=");
+        if (begin != NULL) {
+            begin_address = strtoull(begin, NULL, 0);
+        } else if (end != NULL) {
+            end_address = strtoull(end, NULL, 0);
+        } else if (out != NULL) {
+            output = fopen(out, "w");
+        } else if (record != NULL) {
+            runs_name = record;
+        } else if (first != NULL) {
+            first_pass = strtoull(first, NULL, 0);
+        } else if (last != NULL) {
+            last_pass = strtoull(last, NULL, 0);
         } else {
             (void)fprintf(stderr, "instruction counter: unknown argument %s\n", argv[i]);
             return 1;
