@@ -83,7 +83,7 @@ chain: setup
 	@tools/system_tools.sh test firmware
 	@$(run) -m verification chain
 
-## Count instructions, flash and stack of one step against CasADi's C, on M4F, M7 and RV32
+## Count instructions, flash and stack of one step against CasADi's C, on each processor
 .PHONY: bench
 bench: setup
 	@tools/system_tools.sh test firmware

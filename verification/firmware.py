@@ -119,7 +119,7 @@ def load_board(name: str) -> Board:
         cpu_flags=tuple(own["CPU_FLAGS"].split()),
         startup=core["STARTUP"],
         tick_handler=core["TICK_HANDLER"],
-        interrupt_frame_bytes=int(core["INTERRUPT_FRAME_BYTES"]),
+        interrupt_frame_bytes=int(own["INTERRUPT_FRAME_BYTES"]),
         emulator=(*own["QEMU"].split(), *common["QEMU_OPTIONS"].split()) if "QEMU" in own else (),
         emulator_package=own.get("QEMU_PACKAGE", ""),
     )

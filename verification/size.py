@@ -1,7 +1,8 @@
 """What a controller costs on each board: flash, static RAM, and stack in two independent ways.
 
 The static stack is the deepest path through the call graph that GCC writes, with the frame sizes
-of -fstack-usage; the painted stack is what a run on the emulated board really touched.
+of -fstack-usage; what the compiler's own library takes, which has neither, is read from its
+instructions. The painted stack is what a run on the emulated board really touched.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import ctypes
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +21,14 @@ from rich.console import Console
 from rich.table import Table
 
 from codegen.emit import REPOSITORY
+from verification.disassembly import (
+    Instruction,
+    Program,
+    disassemble,
+    functions,
+    jump_target,
+    registers_in_list,
+)
 from verification.evidence import write_json
 from verification.firmware import (
     FIRMWARE_BUILD,
@@ -113,6 +122,118 @@ def deepest(graph: CallGraph, start: str, above: tuple[str, ...] = ()) -> StackP
     return StackPath(graph.frames[start] + worst.size, (start, *worst.functions))
 
 
+_IMMEDIATE = re.compile(r"#(-?\d+)")
+_JUMP = re.compile(r"b(eq|ne|cs|cc|mi|pl|vs|vc|hi|ls|ge|lt|gt|le)?|cbn?z")
+_UNBOUNDED = 1 << 16
+"""More stack than any function here has, in bytes: a loop pushes."""
+
+
+@dataclass(frozen=True)
+class Code:
+    """A linked program for Thumb.
+
+    Attributes:
+        program: its instructions.
+        symbols: addresses of functions by their names.
+    """
+
+    program: Program
+    symbols: Mapping[str, int]
+
+    def function(self, start: int) -> list[int]:
+        """The addresses of a function's instructions: up to the next symbol."""
+        end = min((a for a in self.symbols.values() if a > start), default=max(self.program) + 1)
+        return [address for address in self.program if start <= address < end]
+
+
+def stack_below(code: Code, start: int, above: tuple[int, ...] = ()) -> int:
+    """Bytes of stack that a function takes with all that it calls, from its instructions.
+
+    All ways through it are followed. A jump through a table may lead to whatever in the function
+    nothing else leads to. Conditional execution counts as executed.
+
+    Raises:
+        StackError: it is recursive, calls through a register, or moves the stack pointer by
+            something that is no constant.
+    """
+    if start in above:
+        raise StackError(f"recursion at {start:#x}")
+    depth_at: dict[int, int] = {}
+    to_do, most, at_table = [(start, 0)], 0, -1
+    while to_do:
+        address, depth = to_do.pop()
+        if depth <= depth_at.get(address, -1):
+            continue
+        depth_at[address] = depth
+        instruction = code.program.get(address)
+        if instruction is None or depth > _UNBOUNDED:
+            raise StackError(f"no bound for the stack of the function at {start:#x}")
+        depth += _growth(instruction)
+        most = max(most, depth)
+        target, name = jump_target(instruction), instruction.mnemonic
+        if name == "bl" and target is not None:
+            most = max(most, depth + stack_below(code, target, (*above, start)))
+        elif name in ("bl", "blx"):
+            raise StackError(f"a call through a register: {instruction}")
+        elif _JUMP.fullmatch(name) and target is not None:
+            to_do.append((target, depth))
+        if name in ("mov", "tbb", "tbh") and re.search(r"\bpc\b", instruction.operands):
+            at_table = max(at_table, depth)
+        if not _ends(instruction):
+            to_do.append((instruction.next_address, depth))
+        if not to_do and at_table >= 0:
+            to_do = [(a, at_table) for a in code.function(start) if a not in depth_at]
+    return most
+
+
+def _growth(instruction: Instruction) -> int:
+    """Bytes by which an instruction moves the stack pointer down; negative where it goes up.
+
+    Raises:
+        StackError: by no constant.
+    """
+    name, operands = instruction.mnemonic, instruction.operands
+    count = len(registers_in_list(instruction))
+    constant = _IMMEDIATE.search(operands)
+    if name == "push" or (name.startswith("stmdb") and operands.startswith("sp!")):
+        return 4 * count
+    if name == "pop" or (name.startswith("ldmia") and operands.startswith("sp!")):
+        return -4 * count
+    if name in ("add", "sub", "addw", "subw") and operands.startswith("sp,") and constant:
+        return int(constant[1]) * (1 if name.startswith("sub") else -1)
+    if "[sp, #" in operands and operands.endswith("]!") and constant:
+        return -int(constant[1])
+    if "[sp], #" in operands and constant:
+        return -int(constant[1])
+    if re.match(r"sp\b", operands) and not name.startswith("cmp"):
+        raise StackError(f"the stack pointer moves by no constant: {instruction}")
+    return 0
+
+
+def _ends(instruction: Instruction) -> bool:
+    """Whether execution never goes on behind this: a return, or a jump without a condition."""
+    name, operands = instruction.mnemonic, instruction.operands
+    if name in ("pop", "ldmia"):
+        return "pc" in registers_in_list(instruction)
+    return name in ("b", "bx", "tbb", "tbh", "udf") or operands.startswith("pc,")
+
+
+def add_library(graph: CallGraph, code: Code) -> None:
+    """Completes a call graph with the functions of the program that GCC wrote nothing about.
+
+    They are the compiler's own, such as ``__aeabi_fadd``; each comes with all that it calls.
+
+    Raises:
+        StackError: see :func:`stack_below`.
+    """
+    called = {target for targets in graph.calls.values() for target in targets}
+    for name in sorted(called - graph.frames.keys()):
+        if name in code.symbols:
+            graph.frames[name] = stack_below(code, code.symbols[name])
+        elif name.startswith("__aeabi_"):
+            graph.frames[name] = 0  # GCC thought of it and did without: it would have been linked
+
+
 def objects_of(image: Path) -> list[Path]:
     """The object files that the linker's map says the image was made of."""
     text = image.with_suffix(".map").read_text(encoding="utf-8")
@@ -155,7 +276,8 @@ class Size:
         board: its name.
         core: its processor.
         controller: its name.
-        controller_memory: of the generated C; its RAM is the state that the caller owns.
+        controller_memory: of the generated C, without the compiler's library that it needs on a
+            processor without an FPU; its RAM is the state that the caller owns.
         config_bytes: of a configuration, should the caller keep one in RAM to tune it.
         controller_stack: below the caller of init or step.
         application_memory: of the whole firmware.
@@ -230,14 +352,17 @@ def _checked(stack: Stack, what: str) -> Stack:
     return stack
 
 
-def _graph(image: Path) -> CallGraph:
+def _graph(board: Board, image: Path) -> CallGraph:
     infos = (path.with_suffix(".ci") for path in objects_of(image))
     # Assembly has none; what it calls stands in core.mk.
-    return read_call_graph(path for path in infos if path.exists())
+    graph = read_call_graph(path for path in infos if path.exists())
+    if board.toolchain.startswith("arm-"):
+        add_library(graph, Code(disassemble(board, image), functions(board, image)))
+    return graph
 
 
 def _controller_stack(board: Board, pil: Path, name: str) -> Stack:
-    graph = _graph(pil)
+    graph = _graph(board, pil)
     paths = [deepest(graph, f"tdc_{name}_{function}") for function in ("init", "step")]
     worst = max(paths, key=lambda path: path.size)
     return Stack(worst.size, _painted_by_controller(board, pil, name), worst.functions)
@@ -254,7 +379,7 @@ def _painted_by_controller(board: Board, pil: Path, name: str) -> int:
 
 
 def _application_stack(board: Board, app: Path) -> Stack:
-    graph = _graph(app)
+    graph = _graph(board, app)
     program = deepest(graph, board.startup)
     tick = deepest(graph, board.tick_handler)
     return Stack(
@@ -292,7 +417,7 @@ def table(sizes: Sequence[Size]) -> Table:
         caption="stack: the call graph's bound (what a run touched)",
         caption_justify="left",
     )
-    shown.add_column("board", no_wrap=True)
+    shown.add_column("core", no_wrap=True)
     shown.add_column("controller\nalone", no_wrap=True)
     for name in ("\nflash", "\nstate", "\nconfig", "\nstack"):
         shown.add_column(name, justify="right", no_wrap=True)
@@ -300,7 +425,7 @@ def table(sizes: Sequence[Size]) -> Table:
         shown.add_column(name, justify="right", no_wrap=True)
     for s in sizes:
         shown.add_row(
-            s.board,
+            s.core,
             s.controller,
             str(s.controller_memory.flash),
             str(s.controller_memory.ram),

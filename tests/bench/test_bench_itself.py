@@ -95,6 +95,20 @@ def test_a_plugin_that_miscounts_is_noticed(tmp_path: Path) -> None:
     assert replay(program, plugin(tmp_path, skips), data.ticks).disagreements > 0
 
 
+def test_a_record_that_lost_instructions_is_noticed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    forgetful = changed(
+        PACKAGE / "plugin.c",
+        tmp_path / "plugin.c",
+        "    ++each->count;\n",
+        "    each->count += ((address % 64u) != 0u);\n",
+    )
+    monkeypatch.setattr("verification.bench.rows.plugin", lambda into: plugin(into, forgetful))
+    with pytest.raises(BenchError, match=r"instructions were recorded, \d+ counted"):
+        measure([BOARD], [JOINTS], [NAIVE_DOUBLE, PROJECT])
+
+
 def test_a_step_whose_time_depends_on_the_data_is_noticed() -> None:
     slow_when_saturated = rewritten(
         PROJECT,

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 
+from verification.disassembly import parse
 from verification.firmware import emulated_board_names
 from verification.size import (
+    CallGraph,
+    Code,
     Stack,
     StackError,
     _checked,
+    add_library,
     deepest,
     main,
     read_call_graph,
+    stack_below,
 )
 
 GRAPH = """graph: { title: "a.c"
@@ -65,6 +71,90 @@ def test_a_run_that_took_more_than_the_bound_is_an_error() -> None:
     assert _checked(Stack(100, 100, ("f",)), "it").painted == 100
     with pytest.raises(StackError, match="it touched 101 bytes of stack"):
         _checked(Stack(100, 101, ("f",)), "it")
+
+
+# --- Functions of the compiler's library, which have no call graph ------------------------------
+
+LISTING = """
+00000100 <caller>:
+     100:\tb51f      \tpush\t{r0, r1, r2, r3, r4, lr}
+     102:\tb084      \tsub\tsp, #16
+     104:\td002      \tbeq.n\t10c <caller+0xc>
+     106:\tf000 f803 \tbl\t110 <leaf>
+     10a:\tb004      \tadd\tsp, #16
+     10c:\tb004      \tadd\tsp, #16
+     10e:\tbd1f      \tpop\t{r0, r1, r2, r3, r4, pc}
+
+00000110 <leaf>:
+     110:\tf84d ed08 \tstr.w\tlr, [sp, #-8]!
+     114:\t9b01      \tldr\tr3, [sp, #4]
+     116:\tf85d fb08 \tldr.w\tpc, [sp], #8
+     11a:\tbf00      \tnop
+
+0000011c <table>:
+     11c:\tb510      \tpush\t{r4, lr}
+     11e:\t469f      \tmov\tpc, r3
+     120:\tb4f0      \tpush\t{r4-r7}
+     122:\tbcf0      \tpop\t{r4-r7}
+     124:\tbd10      \tpop\t{r4, pc}
+     126:\t0000      \t.short\t0x0000
+
+00000128 <loop>:
+     128:\tb401      \tpush\t{r0}
+     12a:\te7fd      \tb.n\t128 <loop>
+
+0000012c <alloca>:
+     12c:\t4685      \tmov\tsp, r0
+     12e:\t4770      \tbx\tlr
+
+00000130 <recursive>:
+     130:\tb510      \tpush\t{r4, lr}
+     132:\tf7ff fffd \tbl\t130 <recursive>
+     136:\tbd10      \tpop\t{r4, pc}
+
+00000138 <pointer>:
+     138:\tb510      \tpush\t{r4, lr}
+     13a:\t4798      \tblx\tr3
+     13c:\tbd10      \tpop\t{r4, pc}
+"""
+CODE = Code(
+    parse(LISTING),
+    {
+        name: int(address, 16)
+        for address, name in re.findall(r"^(\w+) <(\w+)>:$", LISTING, re.MULTILINE)
+    },
+)
+
+
+@pytest.mark.parametrize(
+    ("function", "size"), [("leaf", 8), ("caller", 24 + 16 + 8), ("table", 8 + 16)]
+)
+def test_stack_is_read_from_the_instructions(function: str, size: int) -> None:
+    assert stack_below(CODE, CODE.symbols[function]) == size
+
+
+@pytest.mark.parametrize(
+    ("function", "told"),
+    [
+        ("loop", "no bound for the stack of the function at 0x128"),
+        ("alloca", "moves by no constant: mov sp, r0 at 0x12c"),
+        ("recursive", "recursion at 0x130"),
+        ("pointer", "call through a register: blx r3 at 0x13a"),
+    ],
+)
+def test_stack_without_a_bound_is_refused(function: str, told: str) -> None:
+    with pytest.raises(StackError, match=told):
+        stack_below(CODE, CODE.symbols[function])
+
+
+def test_a_library_completes_the_call_graph() -> None:
+    graph = CallGraph({"main": 4}, {"main": {"caller", "__aeabi_idiv"}})
+    add_library(graph, CODE)
+    assert deepest(graph, "main").size == 4 + 48
+    pointer = CallGraph({"main": 4}, {"main": {"__indirect_call"}})
+    add_library(pointer, CODE)
+    with pytest.raises(StackError, match="__indirect_call"):
+        deepest(pointer, "main")
 
 
 @pytest.mark.parametrize("board", emulated_board_names())

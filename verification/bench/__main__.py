@@ -47,9 +47,11 @@ def _measure(progress: Console) -> Result:
 def _print(result: Result, console: Console) -> None:
     for each in (*tables(result.rows), *(cases(result.rows, n) for n in JOINTS)):
         console.print(each)
+        console.print()
     console.print("""mean: instructions per step over a recorded motion, call and return included
 fewest - most: of all ticks, special cases and random bits as well
 ratio: mean over that of this project's step
+estimated cycles: mean, by Arm's tables of cycles and memory without wait states; not measured
 flash: bytes that a program grows by, what it needs of the C library included
 stack: bytes down to the deepest word that any tick wrote""")
     ticks = sum(row.cross_checked_ticks for row in result.rows)

@@ -12,6 +12,7 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
+from verification.bench.cycles import Run
 from verification.bench.program import Program, core_folder, result_bytes, run
 from verification.firmware import Board, ToolError, common_facts, emulator, facts, tool
 
@@ -32,6 +33,7 @@ class Replay:
         timer_overhead: instructions that the timer sees and the plugin doesn't, measured on an
             empty step: the second reading of the timer.
         stack_bytes: depth of the step's stack.
+        runs: what was executed in the ticks that were to be recorded, all together.
         torque_Nm: the answers, one tuple a tick [N m].
     """
 
@@ -39,6 +41,7 @@ class Replay:
     timer_instructions: tuple[int, ...]
     timer_overhead: int
     stack_bytes: tuple[int, ...]
+    runs: tuple[Run, ...]
     torque_Nm: tuple[tuple[float, ...], ...]
 
     @property
@@ -65,19 +68,24 @@ class _Results:
     torque: tuple[tuple[float, ...], ...]
 
 
-def replay(program: Program, plugin: Path, ticks: int) -> Replay:
+def replay(program: Program, plugin: Path, ticks: int, recorded: int = 0) -> Replay:
     """Runs a program twice, once with each way to count.
 
     Args:
         program: from :func:`verification.bench.program.build`.
         plugin: from :func:`verification.bench.program.plugin`.
         ticks: how many inputs it replays.
+        recorded: in how many of them, from the first on, the instructions are recorded.
 
     Raises:
         ToolError: the emulator is missing or failed, or a timer can't hold what it counted.
     """
     listing = program.elf.with_suffix(".counts")
+    trace = program.elf.with_suffix(".runs")
     arguments = f"{plugin},begin={program.begin:#x},end={program.end:#x},out={listing}"
+    if recorded:
+        # The pass before the first input is the empty step.
+        arguments += f",runs={trace},first=1,last={recorded}"
     counted = _run(program, ("-plugin", arguments), ticks)
     counts = tuple(map(int, listing.read_text(encoding="utf-8").split()))
     if len(counts) != ticks + 1:
@@ -96,8 +104,14 @@ def replay(program: Program, plugin: Path, ticks: int) -> Replay:
         tuple(value - overhead for value in by_timer[1:]),
         overhead,
         counted.stack[1:],
+        _read_runs(trace) if recorded else (),
         counted.torque[1:],
     )
+
+
+def _read_runs(trace: Path) -> tuple[Run, ...]:
+    lines = (line.split() for line in trace.read_text(encoding="utf-8").splitlines())
+    return tuple(Run(int(a, 16), int(b, 16), int(c, 16), int(n)) for a, b, c, n in lines)
 
 
 def _timer_counts_per_instruction(program: Program) -> float:

@@ -30,6 +30,10 @@ def _thousands(value: float) -> str:
     return f"{value:,.0f}".replace(",", "\N{NARROW NO-BREAK SPACE}")
 
 
+def _estimate(cycles: float | None) -> str:
+    return "-" if cycles is None else _thousands(cycles)
+
+
 def _cores(rows: Iterable[Row]) -> list[str]:
     return list(dict.fromkeys(row.core for row in rows))
 
@@ -43,11 +47,22 @@ def tables(rows: Sequence[Row]) -> list[Table]:
     ]
 
 
+def _narrow(title: str) -> Table:
+    """A table that keeps within a terminal of 80 columns."""
+    return Table(
+        title=title,
+        title_justify="left",
+        box=box.SIMPLE_HEAD,
+        show_edge=False,
+        pad_edge=False,
+        collapse_padding=True,
+    )
+
+
 def _table(core: str, joints: int, rows: Sequence[Row]) -> Table:
-    # Narrow enough for a terminal of 80 columns.
-    made = Table(title=f"{core}, n = {joints}", title_justify="left", box=box.SIMPLE_HEAD)
+    made = _narrow(f"{core}, n = {joints}")
     made.add_column("variant", no_wrap=True)
-    for heading in ("mean", "fewest - most", "ratio", "flash", "stack"):
+    for heading in ("mean", "fewest - most", "ratio", "estimated\ncycles", "flash", "stack"):
         made.add_column(heading, justify="right", no_wrap=True)
     for row in rows:
         made.add_row(
@@ -55,6 +70,7 @@ def _table(core: str, joints: int, rows: Sequence[Row]) -> Table:
             _thousands(row.instructions_per_step),
             f"{_thousands(row.fewest_instructions)} - {_thousands(row.worst_instructions)}",
             f"{row.times_the_project:.3g}",
+            _estimate(row.estimated_cycles),
             _thousands(row.flash_bytes),
             _thousands(row.stack_bytes),
             style="bold" if row.variant == PROJECT.name else "",
@@ -65,7 +81,7 @@ def _table(core: str, joints: int, rows: Sequence[Row]) -> Table:
 def cases(rows: Sequence[Row], joints: int) -> Table:
     """What each special tick costs this project's step, a column a core."""
     chosen = [row for row in rows if row.variant == PROJECT.name and row.joints == joints]
-    made = Table(title=f"this project, n = {joints}", title_justify="left", box=box.SIMPLE_HEAD)
+    made = _narrow(f"this project, n = {joints}")
     made.add_column("tick")
     for row in chosen:
         made.add_column(row.core, justify="right", no_wrap=True)

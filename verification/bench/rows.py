@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from plant.native import BUILD
+from verification.bench import cycles
 from verification.bench.count import Replay, emulator_version, replay
 from verification.bench.program import (
     Data,
@@ -35,6 +36,7 @@ from verification.bench.variants import (
     VARIANTS,
     Variant,
 )
+from verification.disassembly import disassemble
 from verification.evidence import Evidence, current_json, write_json
 from verification.firmware import Board, board_names, load_board
 
@@ -85,6 +87,8 @@ class Row:
         torque_difference_Nm: largest difference from the torques of the variant that it is
             compared with, over the recorded motion; 0 for that variant itself [N m].
         times_the_project: instructions_per_step over those of this project's step.
+        estimated_cycles: mean over the recorded motion, by Arm's tables and not measured (see
+            :mod:`verification.bench.cycles`); None for a core without a table.
     """
 
     variant: str
@@ -105,6 +109,7 @@ class Row:
     disagreements: int
     torque_difference_Nm: float
     times_the_project: float
+    estimated_cycles: float | None = None
 
 
 @dataclass(frozen=True)
@@ -228,7 +233,7 @@ def _measure_board(
     rows: list[Row] = []
     for each in prepared:
         program = build(board, each, common, directory)
-        found = replay(program, counter, data.ticks)
+        found = replay(program, counter, data.ticks, TICKS if board.core in cycles.CORES else 0)
         replays[each.variant.name] = found
         rows.append(_row(program, found, sequences))
         advance()
@@ -276,7 +281,25 @@ def _row(program: Program, found: Replay, sequences: tuple[Replayed, ...]) -> Ro
         disagreements=found.disagreements,
         torque_difference_Nm=0.0,
         times_the_project=1.0,
+        estimated_cycles=_estimated_cycles(program, found, sum(recorded)) / len(recorded)
+        if found.runs
+        else None,
     )
+
+
+def _estimated_cycles(program: Program, found: Replay, instructions: int) -> float:
+    """Of all recorded ticks together.
+
+    Raises:
+        BenchError: what was recorded are not the instructions that were counted.
+    """
+    code = disassemble(program.board, program.elf)
+    executed = cycles.transitions(code, found.runs).total()
+    if executed != instructions:
+        raise BenchError(
+            f"{program.elf}: {executed} instructions were recorded, {instructions} counted"
+        )
+    return cycles.estimate(cycles.CORES[program.board.core], code, found.runs)
 
 
 def _difference(row: Row, replays: dict[str, Replay]) -> float:
@@ -356,6 +379,7 @@ def save(result: Result, path: Path = RESULT) -> Path:
             "conditions": result.conditions,
             "variants": {v.name: {"title": v.title, "meaning": v.meaning} for v in VARIANTS},
             "evidence": result.evidence,
+            "estimated_cycles": cycles.NOTE,
         },
         path,
     )

@@ -13,6 +13,7 @@ import numpy as np
 from codegen.controller import Controller, load
 from codegen.emit import generate
 from plant.robot import load_robot
+from verification.bench import cycles
 from verification.bench.variants import CASADI_POWF, NAIVE_DOUBLE, PROJECT
 from verification.chain.present import NAMES, notes
 from verification.equivalence import Equivalence, Summary, summary
@@ -397,6 +398,7 @@ def context(results: Results) -> dict[str, Any]:
         "processor": results.processor,
         "titles": TITLES,
         "meanings": MEANINGS,
+        "cycles_note": cycles.NOTE,
         "chain_bounds": list(notes()),
         "chain_links": LINKS,
         "chain_quantities": NAMES,

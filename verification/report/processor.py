@@ -31,7 +31,7 @@ class Processor:
         flights: closed loops with the processor in them, as :class:`verification.pil.PilRun` is
             written to JSON.
         sizes: flash, RAM and stack, as :class:`verification.size.Size` is written to JSON.
-        cost: instructions a step.
+        cost: instructions a step, and estimated cycles.
         chain: from the exact law to the targets, as :class:`verification.chain.links.Chain` is
             written to JSON.
     """

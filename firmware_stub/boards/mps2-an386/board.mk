@@ -2,6 +2,8 @@
 CORE_NAME := Cortex-M4F
 CORE := cortex-m
 CPU_FLAGS := -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16
+# What the core pushes on the stack at an interrupt: 26 words with the FPU, 1 to align to 8 bytes.
+INTERRUPT_FRAME_BYTES := 108
 TICK_CLOCK_HZ := 25000000
 # Which file of hal/ implements hal.h.
 HAL := emulated

@@ -1,4 +1,4 @@
-/* Cortex-M with an FPU (ARMv7E-M): vectors, start-up, SysTick, semihosting. */
+/* Cortex-M, ARMv6-M to ARMv7E-M, with or without an FPU: vectors, start-up, SysTick, semihosting. */
 
 #include "cores/core.h"
 
@@ -7,10 +7,12 @@
 #define SYST_RVR REGISTER(0xE000E014u)
 #define SYST_CVR REGISTER(0xE000E018u)
 #define ICSR REGISTER(0xE000ED04u)
+#define CCR REGISTER(0xE000ED14u)
 #define CPACR REGISTER(0xE000ED88u)
 
 #define SYST_CSR_ENABLE_INTERRUPT_PROCESSOR_CLOCK 7u
 #define ICSR_PENDSTSET ((uint32_t)1u << 26)
+#define CCR_UNALIGN_TRP 8u
 #define CPACR_CP10_CP11_FULL ((uint32_t)0xFu << 20)
 
 void reset_handler(void);
@@ -27,8 +29,14 @@ __attribute__((noinline, noreturn)) static void run(void)
 
 void reset_handler(void)
 {
+#ifdef __ARM_FP
     CPACR |= CPACR_CP10_CP11_FULL;
     /* FPSCR starts at 0: round to nearest, subnormals kept (FZ = 0), NaN kept (DN = 0). */
+#endif
+#ifndef __ARM_FEATURE_UNALIGNED
+    /* ARMv6-M faults at every unaligned access; an ARMv7-M that stands in for it has to as well. */
+    CCR |= CCR_UNALIGN_TRP;
+#endif
     __asm volatile("dsb\n isb" ::: "memory");
     run();
 }
@@ -59,7 +67,7 @@ __attribute__((section(".vectors"), used)) static const vector_table vectors = {
         {
             reset_handler,
             exception_handler, /* NMI */
-            exception_handler, /* HardFault */
+            exception_handler, /* HardFault; the next three are reserved in ARMv6-M */
             exception_handler, /* MemManage */
             exception_handler, /* BusFault */
             exception_handler, /* UsageFault */

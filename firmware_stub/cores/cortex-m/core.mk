@@ -4,5 +4,3 @@ TOOLCHAIN_PACKAGE := gcc-arm-none-eabi
 # The C functions that the stack of the program and of its tick begin with.
 STARTUP := reset_handler
 TICK_HANDLER := systick_handler
-# What the core pushes on the stack at an interrupt: 26 words with the FPU, 1 to align to 8 bytes.
-INTERRUPT_FRAME_BYTES := 108

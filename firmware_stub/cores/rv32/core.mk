@@ -4,5 +4,3 @@ TOOLCHAIN_PACKAGE := gcc-riscv64-unknown-elf
 # The C functions that the stack of the program and of its tick begin with.
 STARTUP := core_run
 TICK_HANDLER := trap_handler
-# The core pushes nothing at an interrupt: the handler's own frame holds what it saves.
-INTERRUPT_FRAME_BYTES := 0

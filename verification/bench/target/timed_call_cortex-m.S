@@ -1,8 +1,8 @@
 /*
- * Measured calls on Cortex-M. The timer is SysTick on the processor clock, which counts down in
- * 24 bits. bench_begin and bench_end are where the TCG plugin starts and stops counting: between
- * them are the call, the step and its return. Between the two readings of the timer there is one
- * instruction more, the second reading.
+ * Measured calls on Cortex-M, with ARMv6-M's instructions only. The timer is SysTick on the
+ * processor clock, which counts down in 24 bits. bench_begin and bench_end are where the TCG plugin
+ * starts and stops counting: between them are the call, the step and its return. Between the two
+ * readings of the timer there is one instruction more, the second reading.
  */
     .syntax unified
     .thumb
@@ -42,7 +42,8 @@ bench_begin:
 bench_end:
     ldr     r6, [r4]
     subs    r0, r5, r6
-    ubfx    r0, r0, #0, #24
+    lsls    r0, r0, #8              /* the lower 24 bits */
+    lsrs    r0, r0, #8
     pop     {r4-r6, pc}
     .pool
 
@@ -57,12 +58,12 @@ bench_painted_call:
     mov     ip, sp
     ldr     r2, =stack_bottom
     ldr     r4, =PAINT
-1:  str     r4, [r2], #4
+1:  stmia   r2!, {r4}
     cmp     r2, ip
     blo     1b
     blx     r3
     ldr     r2, =stack_bottom
-2:  ldr     r3, [r2], #4
+2:  ldmia   r2!, {r3}
     cmp     r3, r4
     beq     2b
     subs    r2, #4

@@ -1,0 +1,13 @@
+# Facts of a board, read by the build and by Python alike: NAME := value, no $().
+CORE_NAME := Cortex-M3
+CORE := cortex-m
+CPU_FLAGS := -mcpu=cortex-m3 -mthumb -mfloat-abi=soft
+# What the core pushes on the stack at an interrupt: 8 words, 1 to align to 8 bytes.
+INTERRUPT_FRAME_BYTES := 36
+TICK_CLOCK_HZ := 25000000
+# Which file of hal/ implements hal.h.
+HAL := emulated
+UART := cmsdk_uart
+UART_ADDRESS := 0x40004000
+QEMU := qemu-system-arm -machine mps2-an385
+QEMU_PACKAGE := qemu-system-arm
