@@ -10,7 +10,6 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from codegen.c99 import UnprintableError
 from codegen.controller import Controller, load
 from codegen.emit import (
     REPOSITORY,
@@ -20,6 +19,7 @@ from codegen.emit import (
     generate,
     write,
 )
+from codegen.literals import UnprintableError
 from codegen.presets import LAW_PRESETS, ROBOT_PRESETS
 from codegen.problems import SpecificationError
 from codegen.specification import json_schema

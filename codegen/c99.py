@@ -1,31 +1,27 @@
-"""From CasADi SX to binary32 C99: a printer that walks the instruction list.
+"""From CasADi SX to C99: a printer that walks the instruction list.
 
 CasADi's own C generator is not used: with ``casadi_real=float`` it still prints double literals
 and calls ``pow``, so that a single-precision FPU computes in software. This printer knows a small
-table of operations, prints every constant as a binary32 literal, recognises |x|^a sgn(x) as one
-``tdc_sig_pow``, keeps the law's names, and refuses what it doesn't know.
+table of operations, prints every constant as a literal of the number that the C computes with,
+recognises |x|^a sgn(x) as one power, keeps the law's names, and refuses what it doesn't know.
 """
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import casadi as ca
 
-from codegen.exact import binary32
+from codegen.arithmetic import FLOAT32, Real
 from codegen.law import Input, LawFunction
-
-
-class UnprintableError(Exception):
-    """The law contains something that has no float-only C, or no name where it needs one."""
+from codegen.literals import UnprintableError
 
 
 @dataclass(frozen=True)
 class Statement:
-    """One C definition, ``const float name = expression;``, and what it means."""
+    """One C definition, ``const TYPE name = expression;``, and what it means."""
 
     name: str
     expression: str
@@ -64,34 +60,15 @@ class _Graph:
     """The node of each quantity of the law function."""
 
 
-def float_literal(value: float) -> str:
-    """The shortest C literal of a binary32 number, with suffix ``f``.
-
-    Raises:
-        UnprintableError: the number is not finite or not exactly binary32.
-    """
-    if not math.isfinite(value) or binary32(value) != value:
-        raise UnprintableError(
-            f"{value!r} is no binary32 number: make it an input of the law, which is rounded once"
-        )
-    candidates = (float(f"{value:.{digits}g}") for digits in range(1, 10))
-    shortest = next(c for c in candidates if _rounds_to(c, value))
-    return f"{shortest!r}f"
-
-
-def _rounds_to(candidate: float, value: float) -> bool:
-    try:
-        return binary32(candidate) == value
-    except OverflowError:  # a short decimal just beyond the largest binary32 number
-        return False
-
-
-def print_law(function: LawFunction, spelling: Callable[[Input], str]) -> tuple[Statement, ...]:
+def print_law(
+    function: LawFunction, spelling: Callable[[Input], str], real: Real = FLOAT32
+) -> tuple[Statement, ...]:
     """The C definitions of a law function's quantities, in their order.
 
     Args:
         function: the law.
         spelling: how C spells each input, such as ``gains->kd``.
+        real: the numbers that the C computes with.
 
     Raises:
         UnprintableError: an operation without float-only C, or a value that is used twice
@@ -104,7 +81,7 @@ def print_law(function: LawFunction, spelling: Callable[[Input], str]) -> tuple[
     # sig(x)^a holds x in sign and in fabs, and is still one use of x: fabs isn't counted.
     uses = Counter(a for n in graph.nodes if n.op != ca.OP_FABS for a in n.arguments)
     for quantity, node in zip(function.quantities, graph.outputs, strict=True):
-        printer = _Expression(graph, names, spelled, uses, f"{function.name}.{quantity.name}")
+        printer = _Expression(graph, names, spelled, uses, f"{function.name}.{quantity.name}", real)
         statements.append(
             Statement(
                 quantity.name,
@@ -159,6 +136,7 @@ class _Expression:
     spelled: Mapping[str, str]
     uses: Mapping[int, int]
     where: str
+    real: Real
 
     def definition(self, index: int) -> str:
         """The expression that defines a node, even where an earlier quantity names it."""
@@ -187,16 +165,17 @@ class _Expression:
         if node.input is not None:
             return self.spelled[node.input.name]
         if node.op == ca.OP_CONST:
-            return float_literal(node.constant)
+            return self.real.literal(node.constant)
         sig = self._sig(index)
         if sig is not None:
             base, exponent = sig
-            return f"tdc_sig_pow({self._reference(base)}, {self._reference(exponent)})"
+            return f"{self.real.power}({self._reference(base)}, {self._reference(exponent)})"
         if node.op in _INFIX:
             left, right = (self._operand(a) for a in node.arguments)
             return f"{left} {_INFIX[node.op]} {right}"
         if node.op in _CALL:
-            return f"{_CALL[node.op]}({', '.join(self._reference(a) for a in node.arguments)})"
+            arguments = ", ".join(self._reference(a) for a in node.arguments)
+            return f"{_CALL[node.op]}{self.real.suffix}({arguments})"
         if node.op == ca.OP_NEG:
             return f"-{self._operand(node.arguments[0])}"
         raise UnprintableError(

@@ -17,6 +17,7 @@ from typing import Any, Literal
 
 from pydantic_core import PydanticCustomError
 
+from codegen.arithmetic import Arithmetic
 from codegen.exact import FINITE_TIME, as_list, rational
 from codegen.law import LawOptions
 from codegen.presets import LAW_PRESETS, ROBOT_PRESETS, LawPreset
@@ -59,6 +60,7 @@ class Controller:
     name: str
     description: str
     sample_time: Fraction
+    arithmetic: Arithmetic
     options: LawOptions
     low_pass_ratio: Fraction | None
     on_error: Literal["hold", "zero"]
@@ -70,7 +72,7 @@ class Controller:
         def plain(value: object) -> Any:
             if isinstance(value, Fraction):
                 return str(value)
-            if isinstance(value, Joint | LawOptions):
+            if isinstance(value, Joint | LawOptions | Arithmetic):
                 return {k: plain(v) for k, v in vars(value).items()}
             if isinstance(value, tuple):
                 return [plain(v) for v in value]
@@ -255,6 +257,7 @@ def _controller(specification: Specification) -> tuple[Controller, list[Problem]
         specification.name,
         specification.description,
         specification.sample_time_s,
+        _arithmetic(specification, problems),
         LawOptions(
             law.velocity_error,
             law.acceleration,
@@ -275,6 +278,33 @@ def _controller(specification: Specification) -> tuple[Controller, list[Problem]
         for name, row in zip(names, rows, strict=True)
     ]
     return replace(placeholder, joints=tuple(joints)), problems
+
+
+def _arithmetic(specification: Specification, problems: list[Problem]) -> Arithmetic:
+    """What the C computes with, and which choices don't go together."""
+    asked = Arithmetic(
+        specification.arithmetic, specification.precision, specification.accuracy
+    )
+    clashes = {
+        "precision": asked.kind == "fixed-point" and asked.precision != "float32",
+        "accuracy": asked.accuracy != "standard"
+        and (asked.kind == "fixed-point" or asked.precision == "float64"),
+    }
+    reasons = {
+        "precision": "fixed-point C has no floating-point numbers",
+        "accuracy": "there is a choice for floating-point C in float32 only",
+    }
+    problems += [
+        Problem(
+            key,
+            show(getattr(asked, key)),
+            reasons[key],
+            f"remove {key}, or choose another arithmetic or precision",
+        )
+        for key, clash in clashes.items()
+        if clash
+    ]
+    return asked
 
 
 def _low_pass_ratio(cutoff: Fraction | None, sample_time: Fraction) -> Fraction | None:

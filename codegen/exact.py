@@ -145,3 +145,12 @@ def binary32(value: Fraction | float) -> float:
         OverflowError: the value lies beyond binary32.
     """
     return float(struct.unpack("<f", struct.pack("<f", float(value)))[0])
+
+
+def binary64(value: Fraction | float) -> float:
+    """The nearest binary64 number (round to even).
+
+    Raises:
+        OverflowError: the value lies beyond binary64.
+    """
+    return float(value)

@@ -22,6 +22,7 @@ from pydantic import (
 )
 from pydantic_core import ErrorDetails
 
+from codegen.arithmetic import Accuracy, Kind, Precision
 from codegen.exact import (
     PerJointAlpha,
     PerJointBeta,
@@ -135,6 +136,21 @@ class Specification(_Table):
     sample_time_s: Annotated[
         Positive, in_range(lambda v: v <= 1, "at most 1 s", "write the sample time in seconds")
     ] = Field(description="L, sample time and time delay [s].")
+    arithmetic: Kind = Field(
+        "floating-point",
+        description="What the C computes with; fixed-point is for cores without an FPU "
+        "(Cortex-M0+, M3).",
+    )
+    precision: Precision = Field(
+        "float32",
+        description="The floating-point number; float64 is for cores with a double FPU "
+        "(Cortex-M7).",
+    )
+    accuracy: Accuracy = Field(
+        "standard",
+        description="Of the powers in float32: standard to 2^-21.75, precise to 2 units in the "
+        "last place at a tenth more cycles.",
+    )
     law: LawTable
     encoder: EncoderTable
     drive: DriveTable

@@ -12,8 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codegen.c99 import UnprintableError, float_literal, print_law
+from codegen.c99 import print_law
 from codegen.law import Home, Input, LawFunction, LawOptions, Quantity, sig, torque_law
+from codegen.literals import UnprintableError, float_literal
 
 X = Input("x", Home.SIGNAL, "", "a signal")
 Y = Input("y", Home.SIGNAL, "", "another signal")

@@ -15,10 +15,10 @@ from typing import Any
 import casadi as ca
 
 from codegen import law
-from codegen.c99 import float_literal
 from codegen.controller import Controller, Joint
 from codegen.exact import binary32
 from codegen.layout import scale_values
+from codegen.literals import float_literal
 from codegen.rendering import environment
 
 PACKAGE = Path(__file__).parent
