@@ -36,6 +36,11 @@ class Arithmetic:
             return FLOAT64
         return FLOAT32_PRECISE if self.accuracy == "precise" else FLOAT32
 
+    @property
+    def torque(self) -> str:
+        """The C type of a torque."""
+        return "int32_t" if self.kind == "fixed-point" else self.real.type
+
 
 @dataclass(frozen=True)
 class Real:
@@ -47,7 +52,7 @@ class Real:
         power: the function for sig(x)^a.
         suffix: of the helpers in ``tdc.h`` and of those for other numbers.
         largest: the macro of the largest number.
-        headers: templates of the shared C files that it needs, besides ``tdc.h``.
+        files: of the shared C, those that it needs besides ``tdc.h``.
         round: the nearest number.
         literal: its shortest literal.
     """
@@ -57,13 +62,13 @@ class Real:
     power: str
     suffix: str
     largest: str
-    headers: tuple[str, ...]
+    files: tuple[str, ...]
     round: Callable[[Fraction | float], float]
     literal: Callable[[float], str]
 
 
 FLOAT32 = Real(
-    "float", "tdc_exponent", "tdc_sig_pow", "", "FLT_MAX", ("tdc_sig_pow",), binary32, float_literal
+    "float", "tdc_exponent", "tdc_sig_pow", "", "FLT_MAX", ("tdc_sig_pow.h", "tdc_sig_pow.c"), binary32, float_literal
 )
 FLOAT32_PRECISE = Real(
     "float",
@@ -71,7 +76,7 @@ FLOAT32_PRECISE = Real(
     "tdc_sig_pow_precise",
     "",
     "FLT_MAX",
-    ("tdc_sig_pow_precise",),
+    ("tdc_sig_pow_precise.h", "tdc_sig_pow_precise.c"),
     binary32,
     float_literal,
 )
@@ -81,7 +86,7 @@ FLOAT64 = Real(
     "tdc_sig_pow64",
     "64",
     "DBL_MAX",
-    ("tdc_sig_pow64",),
+    ("tdc64.h", "tdc_sig_pow64.h", "tdc_sig_pow64.c"),
     binary64,
     double_literal,
 )

@@ -4,31 +4,25 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import subprocess
 import sys
 import tempfile
 import textwrap
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from codegen import law, sig_pow
-from codegen.c99 import Statement, float_literal, print_law
-from codegen.controller import Controller, Joint
-from codegen.exact import binary32
-from codegen.layout import (
-    Field,
-    Layout,
-    Range,
-    Scalar,
-    Struct,
-    common_scale,
-    joint_config_values,
-    layout,
-    scale_values,
-)
+from codegen import sig_pow, sig_pow64, sig_pow_precise
+from codegen.c99 import Statement
+from codegen.controller import Controller
+from codegen.floating_c import floating_source
+from codegen.layout import layout
 from codegen.rendering import TEMPLATES, environment
+from codegen.source import ControllerSource, GenerationError
+from codegen.structs import Field, Layout, Struct
 
 PACKAGE = Path(__file__).parent
 REPOSITORY = PACKAGE.parent
@@ -36,10 +30,6 @@ FORMAT_STYLE = REPOSITORY / ".clang-format"
 
 # Only what shapes the output: another version of these may print other bytes.
 _DEPENDENCIES = ("casadi", "clang-format", "jinja2", "mpmath")
-
-
-class GenerationError(Exception):
-    """The C could not be generated or written; nothing was changed."""
 
 
 @dataclass(frozen=True)
@@ -50,48 +40,9 @@ class GeneratedFiles:
     files: dict[str, str]
 
 
-@dataclass(frozen=True)
-class PrintedLaw:
-    """The statements of one joint's law in C."""
-
-    measurement: tuple[Statement, ...]
-    switch_on: tuple[Statement, ...]
-    torque_law: tuple[Statement, ...]
-    saturation: tuple[Statement, ...]
-    signals: frozenset[str]
-    """Names of the signals that the statements read."""
-
-    @property
-    def statements(self) -> tuple[Statement, ...]:
-        """All statements in the order of the C."""
-        return (*self.measurement, *self.switch_on, *self.torque_law, *self.saturation)
-
-
-def print_joint_law(controller: Controller, structures: Layout) -> PrintedLaw:
-    """The law of one joint as C statements, spelled for the templates."""
-    fields = {f.quantity: f.name for f in structures.joint_config.fields if f.quantity}
-
-    def spelling(parameter: law.Input) -> str:
-        if parameter.home is law.Home.GAIN:
-            return f"gains->{fields[parameter.name]}"
-        if parameter.home is law.Home.SCALE:
-            shared = common_scale(controller) is not None
-            return f"{parameter.name.upper()}_SCALE" if shared else f"scale->{parameter.name}"
-        if parameter.home is law.Home.CONSTANT:
-            return f"TDC_{controller.name.upper()}_{parameter.name.upper()}_S"
-        return parameter.name
-
-    functions = (
-        law.measurement(controller.options),
-        law.switch_on(),
-        law.torque_law(controller.options),
-    )
-    measurement, switch_on, torque_law = (print_law(f, spelling) for f in functions)
-    # The step looks first whether any torque must be limited; rarely one must.
-    saturation = tuple(s for s in torque_law if s.name == "limited_torque")
-    torque_law = tuple(s for s in torque_law if s not in saturation)
-    signals = frozenset(i.name for f in functions for i in f.inputs if i.home is law.Home.SIGNAL)
-    return PrintedLaw(measurement, switch_on, torque_law, saturation, signals)
+def controller_source(controller: Controller, structures: Layout) -> ControllerSource:
+    """What one controller's own C is made from."""
+    return floating_source(controller, structures)
 
 
 def generate(controller: Controller) -> GeneratedFiles:
@@ -100,28 +51,27 @@ def generate(controller: Controller) -> GeneratedFiles:
     Raises:
         GenerationError: clang-format is missing or failed.
     """
-    structures = layout(controller.options, len(controller.joints))
-    printed = print_joint_law(controller, structures)
+    structures = layout(controller)
+    source = controller_source(controller, structures)
     generator = generator_sha256()
     inputs = _sha256(_json({"controller": controller.canonical(), "generator": generator}))
     templates = environment()
-    shared = {"banner": _banner(None, generator), "tables": sig_pow.tables()}
+    shared = {"banner": _banner(None, generator), **_tables(source.files)}
     context = {
-        **_controller_context(controller, structures, printed),
+        **_header_context(controller, structures, source),
+        **source.context,
         "banner": _banner(controller.name, inputs),
     }
     sources = {
-        "tdc.h": ("tdc.h.j2", shared),
-        "tdc_sig_pow.h": ("tdc_sig_pow.h.j2", shared),
-        "tdc_sig_pow.c": ("tdc_sig_pow.c.j2", shared),
+        **{name: (f"{name}.j2", shared) for name in ("tdc.h", *source.files)},
         f"tdc_{controller.name}.h": ("controller.h.j2", context),
-        f"tdc_{controller.name}.c": ("controller.c.j2", context),
+        f"tdc_{controller.name}.c": (source.template, context),
     }
     files = {
         name: _format(templates.get_template(template).render(values), name)
         for name, (template, values) in sources.items()
     }
-    files["manifest.json"] = _manifest(controller, printed, files, generator, inputs)
+    files["manifest.json"] = _manifest(controller, source.statements, files, generator, inputs)
     return GeneratedFiles(controller.name, files)
 
 
@@ -132,6 +82,7 @@ def identity(controller: Controller) -> int:
     """
     fixed = {
         "name": controller.name,
+        "arithmetic": asdict(controller.arithmetic),
         "options": asdict(controller.options),
         "sample_time": str(controller.sample_time),
         "counts_per_joint_rev": [str(j.counts_per_joint_rev) for j in controller.joints],
@@ -206,26 +157,31 @@ def differences(generated: GeneratedFiles, directory: Path) -> list[str]:
 
 # --- What the templates are given --------------------------------------------------------------
 
+_TABLES: dict[str, Callable[[], Any]] = {
+    "tdc_sig_pow.c": lambda: {"tables": sig_pow.tables()},
+    "tdc_sig_pow_precise.c": lambda: {"precise_tables": sig_pow_precise.precise_tables()},
+    "tdc_sig_pow64.c": lambda: {"tables": sig_pow64.tables()},
+}
 
-def _controller_context(
-    controller: Controller, structures: Layout, printed: PrintedLaw
+
+def _tables(files: Sequence[str]) -> dict[str, Any]:
+    """What the shared C files are made from."""
+    made: dict[str, Any] = {}
+    for name in files:
+        made |= _TABLES[name]() if name in _TABLES else {}
+    return made
+
+
+def _header_context(
+    controller: Controller, structures: Layout, source: ControllerSource
 ) -> dict[str, Any]:
-    config = [joint_config_values(controller, joint) for joint in controller.joints]
-
     def defaults(struct: Struct, field: Field) -> str:
         """The default of a field of the header, for its comment."""
         if struct is not structures.joint_config:
             return ""
-        values = [_default_text(field, joint, controller) for joint in controller.joints]
+        values = [source.default_text(field, joint) for joint in controller.joints]
         return values[0] if len(set(values)) == 1 else ", ".join(values)
 
-    def initialiser(field: Field, joint: Joint) -> str:
-        value = config[controller.joints.index(joint)][field.name]
-        if field.type is Scalar.EXPONENT:
-            return f"{{{_integer(int(value))}}} /* {_default_text(field, joint, controller)} */"
-        return float_literal(float(value)) if field.type is Scalar.FLOAT else _integer(int(value))
-
-    demanded = "filtered_torque" if controller.options.low_pass else "control_torque"
     return {
         "c": controller,
         "title": _comment_lines(_title(controller)),
@@ -233,24 +189,9 @@ def _controller_context(
         "NAME": controller.name.upper(),
         "layout": structures,
         "sample_time_text": str(float(controller.sample_time)),
-        "sample_time_literal": float_literal(binary32(controller.sample_time)),
         "identity": f"0x{identity(controller):08X}u",
-        "measurement": printed.measurement,
-        "switch_on": printed.switch_on,
-        "torque_law": printed.torque_law,
-        "signals": printed.signals,
-        "saturation": printed.saturation,
-        "demanded_torque": demanded,
-        "measured": _MEASURED,
-        "memory": {**_MEMORY, "applied_torque_Nm": demanded},
-        "even_motion": _EVEN_MOTION,
-        "literal": float_literal,
-        "counts_per_rad": lambda joint: binary32(1.0 / joint.rad_per_count),
-        "common_scale": common_scale(controller),
-        "scale_values": lambda joint: scale_values(controller, joint),
         "defaults": defaults,
-        "initialiser": initialiser,
-        "check": _check,
+        "headers": [name for name in source.files if name.endswith(".h")],
     }
 
 
@@ -263,59 +204,6 @@ def _title(controller: Controller) -> str:
 def _comment_lines(text: str) -> list[str]:
     """The text in lines for a block comment; a comment's end in it would end the comment."""
     return textwrap.wrap(text.replace("*/", "* /"), 96)
-
-
-# Fields of joint_state that not every law has: what measure() finds for them,
-_MEASURED = {"displacement_change": "change_counts", "error_q8": "error_counts_q8"}
-# what joint_step() stores in them and in those that it computes,
-_MEMORY = {
-    **{field: f"now.{name}" for field, name in _MEASURED.items()},
-    "reference_velocity_rad_per_s": "input->reference_velocity_rad_per_s[i]",
-    "sliding_integral_rad_per_s": "next_sliding_integral",
-}
-# and what they are while the robot moves evenly.
-_EVEN_MOTION = {
-    "displacement_change": "0",
-    "error_q8": "position_error_q8(input, i)",
-    "reference_velocity_rad_per_s": "input->reference_velocity_rad_per_s[i]",
-}
-
-
-def _default_text(field: Field, joint: Joint, controller: Controller) -> str:
-    """The default as the specification has it: a short decimal, or a fraction."""
-    if field.quantity is None:
-        return str(joint.max_displacement)
-    if field.quantity == "low_pass_ratio":
-        exact = controller.low_pass_ratio
-    else:
-        exact = getattr(joint, "lambda_" if field.quantity == "lambda" else field.quantity)
-    if exact is None:
-        raise GenerationError(f"{field.name} has no default")
-    decimal = f"{float(exact):.9g}"
-    return decimal if type(exact)(decimal) == exact else str(exact)
-
-
-def _integer(value: int) -> str:
-    """An integer literal of int32_t; the smallest one has none and is spelled by its macro."""
-    return "INT32_MIN" if value == -(2**31) else str(value)
-
-
-def _check(field: Field) -> str:
-    """The C condition of a field's range, 1u where it holds."""
-    value = f"gains->{field.name}"
-    if field.range is Range.POSITIVE:
-        return f"is_positive({value})"
-    if field.range is Range.NOT_NEGATIVE:
-        return f"is_not_negative({value})"
-    if field.range is Range.RATIO:
-        return f"is_positive({value}) & (({value} <= 1.0f) ? 1u : 0u)"
-    if field.range is Range.RESTORING_EXPONENT:
-        return f"({value}.minus_one_q31 > INT32_MIN) ? 1u : 0u"
-    if field.range is Range.EXPONENT:
-        return ""  # every tdc_exponent is in range
-    if field.range is Range.DISPLACEMENT:
-        return f"(({value} >= 1) && ({value} <= {2**30})) ? 1u : 0u"
-    raise GenerationError(f"no check is known for {field.name}: {field.range}")
 
 
 # --- Rendering ---------------------------------------------------------------------------------
@@ -356,7 +244,7 @@ def _format(text: str, name: str) -> str:
 
 def _manifest(
     controller: Controller,
-    printed: PrintedLaw,
+    statements: Sequence[Statement],
     files: dict[str, str],
     generator: str,
     inputs: str,
@@ -380,20 +268,21 @@ def _manifest(
                     "unit": s.unit,
                     "meaning": s.meaning,
                     "file": source,
-                    "line": _line(files[source], s.name),
+                    "line": _line(files[source], s),
                 }
-                for s in printed.statements
+                for s in statements
             ],
         }
     )
 
 
-def _line(text: str, quantity: str) -> int:
-    """The line where the C defines a quantity, counted from 1."""
-    for number, line in enumerate(text.splitlines(), start=1):
-        if f"const float {quantity} =" in line:
-            return number
-    raise GenerationError(f"the C doesn't define {quantity}")
+def _line(text: str, statement: Statement) -> int:
+    """The line where the C defines a quantity, counted from 1, however its text was wrapped."""
+    characters = re.sub(r"\s", "", f"{statement.name}={statement.expression}")
+    found = re.search(r"\b" + r"\s*".join(map(re.escape, characters)), text)
+    if found is None:
+        raise GenerationError(f"the C doesn't define {statement.name}")
+    return text.count("\n", 0, found.start()) + 1
 
 
 def _json(value: object) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -11,7 +12,7 @@ TEMPLATES = Path(__file__).parent / "templates"
 
 def environment(folder: Path = TEMPLATES) -> Environment:
     """A jinja2 environment for C: an undefined name is an error, blank lines stay as written."""
-    return Environment(
+    made = Environment(
         loader=FileSystemLoader(folder),
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -19,3 +20,10 @@ def environment(folder: Path = TEMPLATES) -> Environment:
         keep_trailing_newline=True,
         autoescape=False,
     )
+    made.filters["hexadecimal"] = _hexadecimal
+    return made
+
+
+def _hexadecimal(value: float) -> str:
+    """A double as C reads and clang-format keeps it: 0x1.8p+0."""
+    return re.sub(r"\.?0*p", "p", value.hex())

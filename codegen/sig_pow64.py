@@ -44,7 +44,6 @@ import functools
 import math
 import os
 import random
-import re
 import struct
 import subprocess
 import sys
@@ -295,15 +294,9 @@ def _exp2_fit_error() -> mpf:
 # Rendering
 
 
-def literal(value: float) -> str:
-    """A double in hexadecimal, as C reads and clang-format keeps it: 0x1.8p+0."""
-    return re.sub(r"\.?0*p", "p", value.hex())
-
-
 def render(directory: Path, banner: str = "/* sig_pow64 on its own. */") -> tuple[Path, ...]:
     """Writes tdc.h, tdc_sig_pow64.h and tdc_sig_pow64.c to ``directory``; returns their paths."""
     templates = environment()
-    templates.filters["literal"] = literal
     paths = tuple(directory / name for name in ("tdc.h", "tdc_sig_pow64.h", "tdc_sig_pow64.c"))
     for path in paths:
         template = templates.get_template(f"{path.name}.j2")

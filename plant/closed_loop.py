@@ -11,7 +11,7 @@ import math
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -33,11 +33,11 @@ class ControllerOutput(NamedTuple):
     """What a controller answers at a tick.
 
     Attributes:
-        torque_Nm: commanded torque at the joints, shape (n,).
+        torque_Nm: commanded torque at the joints, shape (n,), in the controller's own numbers.
         status: negative for an error, otherwise the controller's own information.
     """
 
-    torque_Nm: NDArray[np.float32]
+    torque_Nm: NDArray[np.floating[Any]]
     status: int
 
 
@@ -228,7 +228,7 @@ class Run:
     qdd_ref: Floats
     counts: NDArray[np.int32]
     q_encoder: Floats
-    torque_commanded_Nm: NDArray[np.float32]
+    torque_commanded_Nm: NDArray[np.floating[Any]]
     torque_applied_Nm: Floats
     friction_Nm: Floats
     status: NDArray[np.int64]
@@ -314,14 +314,14 @@ def _run(
     shape = reference.position_rad.shape
     q, qd, applied, friction = (np.empty(shape) for _ in range(4))
     counts = np.empty(shape, dtype=np.int32)
-    commanded = np.empty(shape, dtype=np.float32)
+    commanded: list[NDArray[np.floating[Any]]] = []
     statuses = np.empty(shape[0], dtype=np.int64)
     by_counter = reference.position_rad + encoder.zero_rad
     before, after = drive.delay * sample_time_s, (1.0 - drive.delay) * sample_time_s
     for k in _ticks(shape[0], progress, plant.name):
         q[k], qd[k] = state.q, state.qd
         counts[k] = encoder.counts(state.q)
-        commanded[k], statuses[k] = controller.step(
+        torque, statuses[k] = controller.step(
             counts[k],
             by_counter[k],
             reference.velocity_rad_per_s[k],
@@ -329,7 +329,8 @@ def _run(
         )
         if statuses[k] < 0:
             raise ControllerError(k, int(statuses[k]))
-        old, torque_Nm = torque_Nm, drive.limited(commanded[k].astype(np.float64))
+        commanded.append(torque)
+        old, torque_Nm = torque_Nm, drive.limited(torque.astype(np.float64))
         if before > 0.0:
             state, friction[k] = integrator.advance(state, old, before, substep_s)
         if after > 0.0:
@@ -349,7 +350,7 @@ def _run(
         qdd_ref=reference.acceleration_rad_per_s2,
         counts=counts,
         q_encoder=encoder.positions_rad(counts),
-        torque_commanded_Nm=commanded,
+        torque_commanded_Nm=np.array(commanded),
         torque_applied_Nm=applied,
         friction_Nm=friction,
         status=statuses,

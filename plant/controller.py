@@ -16,18 +16,29 @@ from numpy.typing import NDArray
 
 from codegen.controller import Controller
 from codegen.emit import identity
-from codegen.layout import Scalar, Struct, joint_config_values, layout
+from codegen.floating_point import FieldValue
+from codegen.layout import joint_config_values, layout
+from codegen.structs import Scalar, Struct
 from plant.closed_loop import ControllerOutput
 from plant.native import shared_library, sources_of
 
 OK, SATURATED = 0, 1
 
-_C_TYPES: dict[Scalar, type[ctypes._SimpleCData[Any]]] = {
+
+class Exponent64(ctypes.Structure):
+    """``tdc_exponent64``: a - 1 as the sum of two doubles."""
+
+    _fields_ = (("high", ctypes.c_double), ("low", ctypes.c_double))
+
+
+_C_TYPES: dict[Scalar, Any] = {
     Scalar.FLOAT: ctypes.c_float,
+    Scalar.DOUBLE: ctypes.c_double,
     Scalar.INT32: ctypes.c_int32,
     Scalar.UINT32: ctypes.c_uint32,
     # A structure of one int32_t lies in memory like the int32_t.
     Scalar.EXPONENT: ctypes.c_int32,
+    Scalar.EXPONENT64: Exponent64,
 }
 
 
@@ -42,6 +53,7 @@ class Structures:
     config: type[ctypes.Structure]
     state: type[ctypes.Structure]
     input: type[ctypes.Structure]
+    torque: Any
 
 
 def structures(controller: Controller) -> Structures:
@@ -51,14 +63,16 @@ def structures(controller: Controller) -> Structures:
     def c_type(kind: Scalar | Struct) -> Any:
         return _C_TYPES[kind] if isinstance(kind, Scalar) else made[kind.name]
 
-    joints = layout(controller.options, len(controller.joints))
+    joints = layout(controller)
     for struct in joints.public:
         fields = [
             (f.name, c_type(f.type) * f.count if f.count is not None else c_type(f.type))
             for f in struct.fields
         ]
         made[struct.name] = type(struct.name, (ctypes.Structure,), {"_fields_": fields})
-    return Structures(made["config"], made["state"], made["input"])
+    return Structures(
+        made["config"], made["state"], made["input"], _C_TYPES[Scalar(controller.arithmetic.torque)]
+    )
 
 
 class GeneratedController:
@@ -89,7 +103,7 @@ class GeneratedController:
         self.config = self._types.config.from_buffer_copy(default)
         self.state = self._types.state()
         self.input = self._types.input()
-        self._torque = (ctypes.c_float * len(controller.joints))()
+        self._torque = (self._types.torque * len(controller.joints))()
         self._pointers = tuple(
             ctypes.byref(x) for x in (self.config, self.state, self.input, self._torque)
         )
@@ -108,7 +122,7 @@ class GeneratedController:
 
     def _has_gains(self, controller: Controller) -> bool:
         return all(
-            _scalar(self.config.joint[i], name) == value
+            _value(self.config.joint[i], name) == value
             for i, joint in enumerate(controller.joints)
             for name, value in joint_config_values(controller, joint).items()
         )
@@ -136,7 +150,7 @@ class GeneratedController:
     ) -> int:
         """Calls ``tdc_NAME_init``; returns its status."""
         c_counts = (ctypes.c_int32 * self.joints)(*map(int, counts))
-        c_torque = (ctypes.c_float * self.joints)(*map(float, holding_torque_Nm))
+        c_torque = (self._types.torque * self.joints)(*map(float, holding_torque_Nm))
         return int(self._init(*self._pointers[:2], c_counts, c_torque))
 
     def position_q8(self, position_rad: NDArray[np.float64]) -> NDArray[np.int32]:
@@ -159,9 +173,13 @@ class GeneratedController:
         given.reference_velocity_rad_per_s[:] = velocity_rad_per_s.tolist()
         given.reference_acceleration_rad_per_s2[:] = acceleration_rad_per_s2.tolist()
         status = int(self._step(*self._pointers))
-        return ControllerOutput(np.array(self._torque, dtype=np.float32), status)
+        return ControllerOutput(np.array(self._torque), status)
 
 
-def _scalar(struct: ctypes.Structure, name: str) -> float | int:
-    value: float | int = getattr(struct, name)
-    return value
+def _value(struct: ctypes.Structure, name: str) -> FieldValue:
+    """A field's value as `codegen.layout.joint_config_values` gives it."""
+    value = getattr(struct, name)
+    if isinstance(value, ctypes.Structure):
+        return tuple(getattr(value, field[0]) for field in value._fields_)
+    number: float | int = value
+    return number

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.controller import Controller
-from codegen.layout import scale_values
+from codegen.floating_point import scale_values
 from plant.controller import Structures
 
 Records = NDArray[Any]

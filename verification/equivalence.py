@@ -280,7 +280,7 @@ def _sources(cases: Cases, controller: Controller, whole: Integers, running: Fla
     """The value of every input of the law that is no quantity of it, in double."""
     joint, given = cases.state["joint"], cases.input
     shape = whole.displacement.shape
-    struct = layout(controller.options, len(controller.joints)).joint_config
+    struct = layout(controller).joint_config
     names = {f.quantity: f.name for f in struct.fields if f.quantity}
     values: Sources = {}
     for gain in GAINS:

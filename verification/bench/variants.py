@@ -17,7 +17,7 @@ import casadi as ca
 from codegen import law
 from codegen.controller import Controller, Joint
 from codegen.exact import binary32
-from codegen.layout import scale_values
+from codegen.floating_point import scale_values
 from codegen.literals import float_literal
 from codegen.rendering import environment
 
