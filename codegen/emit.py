@@ -15,9 +15,10 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from codegen import sig_pow, sig_pow64, sig_pow_precise
+from codegen import sig_pow, sig_pow64, sig_pow_fixed, sig_pow_precise
 from codegen.c99 import Statement
 from codegen.controller import Controller
+from codegen.fixed_c import fixed_source
 from codegen.floating_c import floating_source
 from codegen.layout import layout
 from codegen.rendering import TEMPLATES, environment
@@ -42,7 +43,9 @@ class GeneratedFiles:
 
 def controller_source(controller: Controller, structures: Layout) -> ControllerSource:
     """What one controller's own C is made from."""
-    return floating_source(controller, structures)
+    fixed = controller.arithmetic.kind == "fixed-point"
+    make = fixed_source if fixed else floating_source
+    return make(controller, structures)
 
 
 def generate(controller: Controller) -> GeneratedFiles:
