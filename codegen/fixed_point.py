@@ -35,7 +35,7 @@ from codegen.floating_point import FieldValue
 from codegen.law import LawFunction, LawOptions
 from codegen.literals import UnprintableError
 from codegen.problems import Problem, SpecificationError
-from codegen.sig_pow_fixed import fixed_power, magnitude_bound
+from codegen.sig_pow_fixed import FixedPower, fixed_power, magnitude_bound
 from codegen.structs import Field, Layout, Range, Scalar, Struct, assemble
 
 INT32_MAX = 2**31 - 1
@@ -82,7 +82,7 @@ class FixedJoint:
         max_displacement: [count].
     """
 
-    powers: Mapping[str, tuple[int, int]]
+    powers: Mapping[str, FixedPower]
     inertia_factor: int
     torque_limit: int
     low_pass_ratio: int | None
@@ -517,7 +517,7 @@ def fixed_config_values(controller: Controller, joint: Joint) -> dict[str, Field
     """The default configuration of a joint in fixed-point C, by field name."""
     fixed = fixed_joint(controller, joint, formats(controller))
     values: dict[str, FieldValue] = {
-        **fixed.powers,
+        **{name: (p.exponent_q31, p.scale_q24) for name, p in fixed.powers.items()},
         "inertia_factor": fixed.inertia_factor,
         "torque_limit_q": fixed.torque_limit,
         "max_displacement": fixed.max_displacement,
