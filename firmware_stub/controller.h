@@ -23,6 +23,7 @@
 
 typedef CONTROLLER_PASTE(tdc_, CONTROLLER, _config) controller_config;
 typedef CONTROLLER_PASTE(tdc_, CONTROLLER, _state) controller_state;
+typedef CONTROLLER_PASTE(tdc_, CONTROLLER, _joint_state) controller_joint_state;
 typedef CONTROLLER_PASTE(tdc_, CONTROLLER, _input) controller_input;
 
 #define controller_default_config CONTROLLER_PASTE(tdc_, CONTROLLER, _default_config)

@@ -129,6 +129,11 @@ class GeneratedController:
         """Number of joints."""
         return len(self.specification.joints)
 
+    @property
+    def last_memory(self) -> tuple[ctypes.Structure, ...]:
+        """What each joint remembers of the last tick: its ``joint_state`` in the state."""
+        return tuple(joint.tick[self.state.phase & 1] for joint in self.state.joint)
+
     def _has_gains(self, controller: Controller) -> bool:
         return all(
             _value(self.config.joint[i], name) == value

@@ -26,7 +26,12 @@ Records = NDArray[Any]
 Regime = Literal["rig", "wide"]
 REGIMES: tuple[Regime, ...] = get_args(Regime)
 
-PHASE_START, PHASE_RUNNING = 0x54444301, 0x54444302
+PHASE_START, PHASE_RUNNING = 0x54444300, 0x54444302
+RUNNING_PHASES = (PHASE_RUNNING, PHASE_RUNNING + 1)
+"""They take turns: the lowest bit is the index of the last tick's memory."""
+
+STARTS_FROM = ("counts", "applied_torque_Nm")
+"""What the first tick takes from the memory; the rest of it follows from that tick's input."""
 
 _EXPONENTS = ("alpha", "beta", "gamma")
 _DECADES = ("inertia_kgm2", "kd", "kp", "lambda", "torque_limit_Nm")
@@ -56,6 +61,56 @@ def wrap(value: NDArray[np.int64]) -> NDArray[np.int64]:
     return wrapped
 
 
+# --- Memory ------------------------------------------------------------------------------------
+
+
+def is_running(state: Records) -> NDArray[np.bool_]:
+    """Whether each state has at least one tick behind it, shape (steps,)."""
+    running: NDArray[np.bool_] = np.isin(state["phase"], RUNNING_PHASES)
+    return running
+
+
+def last_memory(state: Records) -> Records:
+    """The memory of the last tick as ``joint_state`` structures, shape (steps, joints); a copy."""
+    memory: Records = state["joint"]["tick"][np.arange(len(state)), :, state["phase"] & 1]
+    return memory
+
+
+def first_index(state: Records) -> Records:
+    """A view of the memory of index 0, which is the last tick's in every even phase."""
+    view: Records = state["joint"]["tick"][..., 0]
+    return view
+
+
+def disperse(state: Records, rng: np.random.Generator) -> None:
+    """Moves the memories of half the running states to index 1, and fills scratch at random.
+
+    Scratch is all that a tick must not read: the memory beside the last one's, and what the first
+    tick finds out for itself. Random bits there are caught wherever they are used.
+
+    Args:
+        state: states of even phases; those that nobody filled are left alone.
+        rng: the source of all of it.
+    """
+    running = is_running(state)
+    filled = running | (state["phase"] == PHASE_START)
+    odd = running & (rng.random(len(state)) < 0.5)
+    state["phase"][odd] += 1
+    last = first_index(state).copy()
+    ticks = state["joint"]["tick"]
+    bits = np.frombuffer(rng.bytes(ticks.nbytes), ticks.dtype).reshape(ticks.shape)
+    memory = bits[:, :, 0].copy()
+    for name in last.dtype.names or ():
+        known = running if name not in STARTS_FROM else filled
+        memory[name] = np.where(known[:, None], last[name], memory[name])
+    rows = np.flatnonzero(filled)
+    ticks[rows] = bits[rows]
+    ticks[rows, :, state["phase"][rows] & 1] = memory[rows]
+
+
+# --- Drawing -----------------------------------------------------------------------------------
+
+
 def draw(
     controller: Controller,
     structures: Structures,
@@ -73,6 +128,7 @@ def draw(
     _draw_positions(config, state, given, regime, rng)
     _draw_signals(controller, config, state, given, regime, rng)
     _spoil(given, rng)
+    disperse(state, rng)
     return Cases(config, state, given)
 
 
@@ -119,7 +175,7 @@ def _integers(rng: np.random.Generator, largest: float, shape: Sequence[int]) ->
 def _draw_positions(
     config: Records, state: Records, given: Records, regime: Regime, rng: np.random.Generator
 ) -> None:
-    joint = state["joint"]
+    joint = first_index(state)
     shape = joint.shape
     limit = config["joint"]["max_displacement"].astype(np.int64)
 
@@ -162,7 +218,7 @@ def _draw_signals(
     regime: Regime,
     rng: np.random.Generator,
 ) -> None:
-    joint = state["joint"]
+    joint = first_index(state)
     shape = joint.shape
     high = 0.0 if regime == "rig" else 1.5
     rad_per_s = np.array([j.rad_per_count for j in controller.joints]) / float(

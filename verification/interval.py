@@ -7,7 +7,7 @@ to nearest). The kernel of sig(x)^a is widened by its own stated bound instead. 
 multiply-adds are excluded: the C is compiled with -ffp-contract=off.
 
 Intervals are pairs of arrays in double precision; their own rounding, 2^-53, is covered by a
-margin many times larger.
+margin many times larger. A sum with zero and a product with zero round nothing; they stay exact.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ UNIT_ROUNDOFF = 2.0**-24
 """Of binary32 with round to nearest."""
 
 _MARGIN = 1.0 + 2.0**-20
-_SMALLEST_SUBNORMAL = 2.0**-149
+_SMALLEST_NORMAL, _SMALLEST_SUBNORMAL = 2.0**-126, 2.0**-149
 _KERNEL_UNDERFLOW = 4.0 * _SMALLEST_SUBNORMAL
 """How far a subnormal result of the kernel may be off (tdc_sig_pow.h)."""
 
@@ -74,18 +74,33 @@ def rounded(interval: Interval) -> Interval:
     return widened(interval, UNIT_ROUNDOFF)
 
 
+def _rounded_unless(exact: NDArray[np.bool_], result: Interval) -> Interval:
+    """What binary32 makes of the results of an operation, some of which need no rounding."""
+    inexact = rounded(result)
+    return Interval(
+        np.where(exact, result.low, inexact.low), np.where(exact, result.high, inexact.high)
+    )
+
+
+def _is_zero(a: Interval) -> NDArray[np.bool_]:
+    zero: NDArray[np.bool_] = (a.low == 0.0) & (a.high == 0.0)
+    return zero
+
+
 def _add(a: Interval, b: Interval) -> Interval:
-    return rounded(Interval(a.low + b.low, a.high + b.high))
+    exact = _is_zero(a) | _is_zero(b)
+    return _rounded_unless(exact, Interval(a.low + b.low, a.high + b.high))
 
 
 def _subtract(a: Interval, b: Interval) -> Interval:
-    return rounded(Interval(a.low - b.high, a.high - b.low))
+    return _add(a, _negate(b))
 
 
 def _multiply(a: Interval, b: Interval) -> Interval:
     corners = (a.low * b.low, a.low * b.high, a.high * b.low, a.high * b.high)
     product = Interval(np.minimum.reduce(corners), np.maximum.reduce(corners))
-    return product if a.is_sign or b.is_sign else rounded(product)
+    exact = _is_zero(a) | _is_zero(b) | np.bool_(a.is_sign or b.is_sign)
+    return _rounded_unless(exact, product)
 
 
 def _negate(a: Interval) -> Interval:
@@ -110,16 +125,28 @@ def _magnitude(a: Interval) -> Interval:
     return Interval(np.where(holds_zero, 0.0, np.minimum(*ends)), np.maximum(*ends))
 
 
-def _power(bound: float) -> Callable[[Interval, Interval], Interval]:
-    """|x|^a of the kernel, |x| in an interval and a exact; rises with |x|.
+def kernel_power(x: Doubles, a: Doubles) -> Doubles:
+    """What the kernel approximates for x >= 0 and 0 <= a < 2: x^a, but for tiny and for huge x.
 
-    The kernel's error is relative to the exact power, so that its own small steps down do not
-    matter: the enclosure of the power, which does rise, is widened.
+    It multiplies x by x^(a - 1), with two exceptions. The bits of a subnormal x, read as a
+    logarithm, are that of 2^-127 + x / 2: the result rises from 0 to the power of 2^-126. And the
+    factor is never below the smallest normal float, so that x 2^-126 is the least for x >= 2^126.
+    """
+    read_as = np.where(x < _SMALLEST_NORMAL, 2.0**-127 + 0.5 * x, x)
+    factor: Doubles = np.power(read_as, a - 1.0)
+    result: Doubles = x * np.maximum(factor, _SMALLEST_NORMAL)
+    return result
+
+
+def _power(bound: float) -> Callable[[Interval, Interval], Interval]:
+    """The kernel of |x|^a, |x| in an interval and a exact.
+
+    The kernel's error is relative to :func:`kernel_power`, so that its own small steps down do not
+    matter: the enclosure of that, which does rise with |x|, is widened.
     """
 
     def power(base: Interval, exponent: Interval) -> Interval:
-        # 0^0 is 1 here; where x can be 0, the sign that it is multiplied with can be 0 too.
-        ends = np.power(base.low, exponent.low), np.power(base.high, exponent.high)
+        ends = kernel_power(base.low, exponent.low), kernel_power(base.high, exponent.high)
         enclosed = widened(Interval(*ends), bound)
         return Interval(enclosed.low - _KERNEL_UNDERFLOW, enclosed.high + _KERNEL_UNDERFLOW)
 

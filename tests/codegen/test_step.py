@@ -21,6 +21,7 @@ from tests.codegen.conftest import CONTROLLERS, GENERATED, variant
 OK, SATURATED = 0, 1
 BAD_ARGUMENT, BAD_CONFIG, NOT_INITIALISED, ENCODER_JUMP, NOT_FINITE = -1, -2, -3, -4, -5
 HOLD, ZERO = 0, 1
+PHASE_START, PHASE_RUNNING = 0x54444300, 0x54444302
 SAMPLE_TIME = 0.001
 RAD_PER_COUNT = 2 * math.pi / (8192 * 120)
 HOLDING = np.array([1.0, -20.0, 5.0])
@@ -73,6 +74,20 @@ def _wrap(value: int) -> int:
 def start(controller: GeneratedController, counts: list[int] | None = None) -> None:
     status = controller.reset(np.array(counts or [0] * N, dtype=np.int32), HOLDING)
     assert status == OK
+
+
+def scribble_on_scratch(controller: GeneratedController) -> None:
+    """Fills the memory beside the last tick's with the bits of a NaN."""
+    for joint in controller.state.joint:
+        scratch = joint.tick[1 - (controller.state.phase & 1)]
+        ctypes.memset(ctypes.byref(scratch), 0xFF, ctypes.sizeof(scratch))
+
+
+def kept(controller: GeneratedController) -> bytes:
+    """All of a running state that the next tick takes from it."""
+    state = controller.state
+    words = (ctypes.c_uint32 * 2)(state.phase, state.saturated_joints)
+    return bytes(words) + b"".join(map(bytes, controller.last_memory))
 
 
 def test_the_counts_of_a_radian_are_published(puma3: GeneratedController) -> None:
@@ -207,15 +222,107 @@ def test_an_error_leaves_the_state_untouched(
     puma3.config.on_error = on_error
     puma3.config.joint[joint].inertia_kgm2 = 2.0
     start(puma3)
-    assert step(puma3, [0] * N)[1] == OK
-    before = bytes(puma3.state)
     counts, acceleration = [0] * N, [0.0] * N
     if fault == "jump":
         counts[joint] = puma3.config.joint[joint].max_displacement + 1
     else:
         acceleration[joint] = fault
-    assert step(puma3, counts, acceleration=acceleration) == (torque, status)
-    assert bytes(puma3.state) == before
+    for _ in range(2):  # the memory lies at either index
+        assert step(puma3, [0] * N)[1] == OK
+        before = kept(puma3)
+        assert step(puma3, counts, acceleration=acceleration) == (torque, status)
+        assert kept(puma3) == before
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_failed_first_tick_leaves_what_init_set(puma3: GeneratedController, sign: int) -> None:
+    start(puma3, [7, 8, 9])
+    jump = sign * 100_000
+    assert step(puma3, [7, 8, jump], velocity=[math.inf] * N)[1] == ENCODER_JUMP
+    assert step(puma3, [7, 8, 9], velocity=[math.nan] * N) == (HOLDING.tolist(), NOT_FINITE)
+    assert puma3.state.phase == PHASE_START
+    assert puma3.state.saturated_joints == 0
+    assert [m.counts for m in puma3.last_memory] == [7, 8, 9]
+    assert [m.applied_torque_Nm for m in puma3.last_memory] == HOLDING.tolist()
+    # The next attempt is a first tick like any other: nothing of the failed ones is left.
+    again = step(puma3, [7, 8, 9], velocity=[0.1] * N)
+    start(puma3, [7, 8, 9])
+    assert again == step(puma3, [7, 8, 9], velocity=[0.1] * N)
+
+
+def test_good_ticks_write_their_memory_to_either_index_in_turn(puma3: GeneratedController) -> None:
+    start(puma3)
+    assert puma3.state.phase == PHASE_START
+    for tick in range(1, 6):
+        scribble_on_scratch(puma3)
+        # The third one is settled, because a torque is beyond its limit.
+        acceleration = [0.0, 0.0, {3: 1e6, 4: -100.0}.get(tick, 0.0)]
+        before = [bytes(m) for m in puma3.last_memory]
+        torque, status = step(puma3, [tick, 0, -tick], acceleration=acceleration)
+        assert status == (SATURATED if tick == 3 else OK)
+        assert puma3.state.phase == PHASE_RUNNING + tick % 2
+        if tick > 1:  # the first tick completes its memory before it takes it
+            assert [bytes(j.tick[1 - tick % 2]) for j in puma3.state.joint] == before
+        assert [m.counts for m in puma3.last_memory] == [tick, 0, -tick]
+        assert [m.applied_torque_Nm for m in puma3.last_memory] == torque
+
+
+@pytest.mark.parametrize("name", ["paper", "all"])
+def test_scratch_is_not_read(make: Make, name: str) -> None:
+    """Two controllers take the same ticks, one with noise in its scratch; bad ticks included."""
+    clean, noisy = make(name), make(name)
+    start(clean)
+    start(noisy)
+    for tick, spoilt in enumerate([1.0, math.nan, 1.0, 1.0, math.inf, 1.0, 1e30, 1.0]):
+        scribble_on_scratch(noisy)
+        taken = [
+            step(each, [3 * tick, 5 * tick, -tick * tick], velocity=[0.2, 0.1 * spoilt, -0.3])
+            for each in (clean, noisy)
+        ]
+        assert taken[0] == taken[1]
+        assert kept(clean) == kept(noisy)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("joint", range(N))
+def test_a_torque_at_its_limit_is_not_cut_and_one_beyond_is(
+    puma3: GeneratedController, joint: int, sign: int
+) -> None:
+    for gain in ("kd", "kp", "lambda"):
+        for gains in puma3.config.joint:
+            setattr(gains, gain, 0.0)
+    # Without feedback and at rest, the law demands the last torque.
+    limit = puma3.config.joint[joint].torque_limit_Nm
+    above = float(np.nextafter(np.float32(limit), np.float32(np.inf)))
+    for demanded, bits in ((limit, 0), (above, 1 << joint)):
+        holding = HOLDING.copy()
+        holding[joint] = sign * demanded
+        assert puma3.reset(np.zeros(N, np.int32), holding) == OK
+        torque, status = step(puma3, [0] * N)
+        assert (torque[joint], status) == (sign * limit, SATURATED if bits else OK)
+        assert puma3.state.saturated_joints == bits
+    # Where another joint must be cut, that at its limit is looked at too, and not flagged.
+    other = (joint + 1) % N
+    holding[joint] = sign * limit
+    holding[other] = 1e6
+    assert puma3.reset(np.zeros(N, np.int32), holding) == OK
+    assert step(puma3, [0] * N)[1] == SATURATED
+    assert puma3.state.saturated_joints == 1 << other
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_widest_limit_of_the_displacement_is_no_jump(
+    puma3: GeneratedController, sign: int
+) -> None:
+    """Sums of the limit and the displacement reach 2^31 there."""
+    for joint in puma3.config.joint:
+        joint.max_displacement = 2**30
+        joint.torque_limit_Nm = 3e38
+    start(puma3)
+    assert step(puma3, [sign * 2**30] * N)[1] == OK
+    assert step(puma3, [_wrap(sign * (2**31 + 1))] * N)[1] == ENCODER_JUMP
+    assert step(puma3, [_wrap(sign * 2**30 - 2**31)] * N)[1] == ENCODER_JUMP
+    assert step(puma3, [_wrap(sign * 2**31)] * N)[1] == OK
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -234,7 +341,7 @@ def test_the_saturated_torque_is_what_is_remembered(puma3: GeneratedController) 
     torque, status = step(puma3, [0] * N, acceleration=[0.0, 1e4, 0.0])
     assert (torque[1], status) == (limit, SATURATED)
     assert puma3.state.saturated_joints == 0b010
-    assert puma3.state.joint[1].applied_torque_Nm == limit
+    assert puma3.last_memory[1].applied_torque_Nm == limit
     # With the commanded torque remembered, an equal step back would not leave the limit.
     torque, status = step(puma3, [0] * N, acceleration=[0.0, -10.0, 0.0])
     assert status == OK

@@ -18,6 +18,7 @@ from plant.native import GENERATED
 from tests.toolchain import WARNINGS
 from tests.toolchain import run as run_tool
 from verification.__main__ import main
+from verification.cases import last_memory
 from verification.chain.forward_error import (
     DIGITS,
     Bounded,
@@ -27,6 +28,8 @@ from verification.chain.forward_error import (
     exactly,
 )
 from verification.chain.links import (
+    BAD_ARGUMENT,
+    NOT_INITIALISED,
     QUANTITIES,
     Modelled,
     double_to_host,
@@ -83,7 +86,7 @@ def test_the_vectors_are_always_the_same() -> None:
 
 def test_the_vectors_reach_every_edge() -> None:
     vectors = vectors_of("puma3")
-    given, joint = vectors.records["input"], vectors.records["state"]["joint"]
+    given, joint = vectors.records["input"], last_memory(vectors.records["state"])
     velocity = given["reference_velocity_rad_per_s"]
     tiny, largest = np.finfo(np.float32).smallest_normal, np.finfo(np.float32).max
     assert np.any((np.abs(velocity) > 0) & (np.abs(velocity) < tiny))
@@ -106,8 +109,10 @@ def test_no_result_holds_a_nan(name: str) -> None:
     results = [host_of(name).take(vectors_of(name).records), host_of(name).record(1, 5000)[1]]
     for result in results:
         assert not np.isnan(result["torque_Nm"]).any()
+        # A refused step leaves all as it found it.
+        good = ~np.isin(result["status"], (BAD_ARGUMENT, NOT_INITIALISED))
         for field in ("sliding_integral_rad_per_s", "applied_torque_Nm"):
-            assert not np.isnan(result["state"]["joint"][field]).any()
+            assert not np.isnan(last_memory(result["state"])[field][good]).any()
 
 
 # --- Link 1 ------------------------------------------------------------------------------------
@@ -182,25 +187,59 @@ def test_overflow_is_foretold() -> None:
 HOST_MUTANTS = {
     "subnormals dropped": (
         "tdc_sig_pow.h",
-        "const float scaled = x * 0x1p23f;",
-        "const float scaled = (((tdc_bits(x) << 1u) < 0x1000000u) ? 0.0f : x) * 0x1p23f;",
+        "return x * multiplier;",
+        "return (((tdc_bits(x) << 1u) < 0x1000000u) ? 0.0f : x) * multiplier;",
+    ),
+    "multiplier not kept normal": (
+        "tdc_sig_pow.h",
+        "(unclamped > 0) ? unclamped : 0",
+        "unclamped",
+    ),
+    "tiny powers of huge x a quarter": (
+        "tdc_sig_pow.h",
+        "(unclamped > 0) ? unclamped : 0",
+        "(unclamped > -0x800000) ? unclamped : -0x800000",
     ),
     "largest exponent clipped": (
         "tdc_sig_pow.h",
         "((int64_t)a.minus_one_q31 * logarithm)",
         "((int64_t)(a.minus_one_q31 > 0x7FF00000 ? 0x7FF00000 : a.minus_one_q31) * logarithm)",
     ),
-    "at the limit is not saturated": ("tdc_puma3.c", "(torque >= limit)", "(torque > limit)"),
+    "at the limit is saturated": (
+        "tdc_puma3.c",
+        "if (limited_torque != control_torque) {",
+        "if ((control_torque >= gains->torque_limit_Nm) || (limited_torque != control_torque)) {",
+    ),
+    "one beyond the limit is not looked at": (
+        "tdc_puma3.c",
+        "(tdc_bits(gains->torque_limit_Nm) - (tdc_bits(control_torque) & 0x7FFFFFFFu))",
+        "((tdc_bits(gains->torque_limit_Nm) + 1u) - (tdc_bits(control_torque) & 0x7FFFFFFFu))",
+    ),
+    "jump forwards not looked for": (
+        "tdc_puma3.c",
+        "(max_displacement - displacement) | (max_displacement + displacement)",
+        "(max_displacement + displacement)",
+    ),
+    "jump backwards not looked for": (
+        "tdc_puma3.c",
+        "(max_displacement - displacement) | (max_displacement + displacement)",
+        "(max_displacement - displacement)",
+    ),
+    "phase between start and running taken": (
+        "tdc_puma3.c",
+        "((state->phase - TDC_PHASE_RUNNING) > 1u)",
+        "((state->phase - TDC_PHASE_START - 1u) > 2u)",
+    ),
     "counts saturate instead of wrapping": (
         "tdc_puma3.c",
-        "tdc_difference(counts, last->counts)",
-        "(((int64_t)counts - last->counts) > INT32_MAX) ? INT32_MAX"
-        " : tdc_difference(counts, last->counts)",
+        "displacement_counts = tdc_difference(input->counts[i], last->counts);",
+        "displacement_counts = (((int64_t)input->counts[i] - last->counts) > INT32_MAX) ? INT32_MAX"
+        " : tdc_difference(input->counts[i], last->counts);",
     ),
     "unfilled memory taken": (
         "tdc_puma3.c",
-        "if ((state->phase == TDC_PHASE_START) || (state->phase == TDC_PHASE_RUNNING))",
-        "if (state->phase != 0u)",
+        "if (state->phase == TDC_PHASE_START) {",
+        "if (state->phase != 0u) {",
     ),
     "torque left unwritten": ("tdc_puma3.c", "} else if (torque_Nm != NULL) {", "} else if (0) {"),
 }
@@ -343,7 +382,7 @@ def test_the_first_difference_is_named_by_field_and_joint() -> None:
     assert first_difference(records, records) is None
     other = records.copy()
     other["input"]["counts"][4, 2] ^= 1
-    other["state"]["joint"]["applied_torque_Nm"][4, 1] = -1.5
+    other["state"]["joint"]["tick"]["applied_torque_Nm"][4, 1, 0] = -1.5
     found = first_difference(records, other, block=7)
     assert found is not None
     assert (found.block, found.step, found.field) == (7, 4, "applied_torque_Nm")

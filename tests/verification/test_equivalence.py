@@ -13,8 +13,20 @@ from codegen.controller import Controller, load
 from codegen.law import LawOptions
 from plant.controller import LayoutError
 from plant.native import GENERATED, shared_library
-from verification.cases import shipped_scales, wrap
-from verification.equivalence import check, check_all, summary, variant, variants
+from verification.cases import (
+    PHASE_RUNNING,
+    PHASE_START,
+    REGIMES,
+    STARTS_FROM,
+    Regime,
+    disperse,
+    draw,
+    first_index,
+    last_memory,
+    shipped_scales,
+    wrap,
+)
+from verification.equivalence import check, check_all, compiled, summary, variant, variants
 from verification.evidence import Evidence
 from verification.experiments import CONTROLLERS
 
@@ -62,6 +74,39 @@ def test_processes_give_what_one_process_gives() -> None:
     assert (total.variants, total.tally.steps, total.violations) == (24, 4800, 0)
 
 
+@pytest.mark.parametrize("regime", REGIMES)
+def test_states_of_every_phase_are_drawn_with_noise_where_no_step_looks(regime: Regime) -> None:
+    c = compiled(PUMA3)
+    rng = np.random.default_rng(5)
+    state = draw(PUMA3, c.types, c.default_config, 2000, regime, rng).state
+    phases, often = np.unique(state["phase"], return_counts=True)
+    assert phases.tolist() == [PHASE_START, PHASE_RUNNING, PHASE_RUNNING + 1]
+    assert min(often) > 100
+    other = state.copy()
+    other["phase"] ^= 1
+    scratch = last_memory(other)
+    for name in scratch.dtype.names or ():
+        assert len(np.unique(scratch[name].view(np.uint32))) > 0.99 * scratch.size
+    first = state["phase"] == PHASE_START
+    assert len(np.unique(last_memory(state)["displacement"][first])) > 0.99 * 3 * first.sum()
+
+
+def test_dispersed_states_remember_the_same() -> None:
+    state = np.zeros(300, np.dtype(compiled(PUMA3).types.state))
+    state["phase"] = np.repeat([PHASE_START, PHASE_RUNNING, 7], 100)
+    rng = np.random.default_rng(6)
+    for name in last_memory(state).dtype.names or ():
+        first_index(state)[name] = rng.integers(-1000, 1000, (300, 3))
+    before = state.copy()
+    disperse(state, rng)
+    assert 20 < np.count_nonzero(state["phase"] == PHASE_RUNNING + 1) < 80
+    then, now = last_memory(before), last_memory(state)
+    assert np.array_equal(then[100:200], now[100:200])
+    for name in STARTS_FROM:
+        assert np.array_equal(then[name], now[name])
+    assert np.array_equal(before[200:], state[200:])
+
+
 @pytest.mark.parametrize("controller", [PUMA3, PUMA6], ids=lambda c: c.name)
 def test_the_conversion_factors_follow_from_the_encoder(controller: Controller) -> None:
     for name, values in shipped_scales(controller).items():
@@ -95,10 +140,10 @@ MUTANTS = {
         "last_torque - (gains->inertia_kgm2",
         "last_torque + (gains->inertia_kgm2",
     ),
-    "1/256 dropped": ("error_q8 * POSITION_SCALE;", "error_q8 * 256.0f * POSITION_SCALE;"),
+    "1/256 dropped": ("error_q8 * POSITION_SCALE,", "error_q8 * 256.0f * POSITION_SCALE,"),
     "commanded torque remembered": (
-        "state->joint[i] = next[i];",
-        "state->joint[i] = next[i]; state->joint[i].applied_torque_Nm = 1.01f * torque;",
+        "next->applied_torque_Nm = limited_torque;",
+        "",
     ),
     "not saturated": (
         "tdc_max(-gains->torque_limit_Nm, tdc_min(gains->torque_limit_Nm, control_torque));",
@@ -118,32 +163,82 @@ MUTANTS = {
         "gains->lambda * 1.000001f * tdc_sig_pow(sliding_variable, gains->gamma)",
     ),
     "position in float": (
-        "tdc_difference(counts, last->counts)",
-        "(int32_t)((float)counts - (float)last->counts)",
+        "displacement_counts = tdc_difference(input->counts[i], last->counts);",
+        "displacement_counts = (int32_t)((float)input->counts[i] - (float)last->counts);",
     ),
     "s reset in motion": (
-        "(running != 0u) ? last->sliding_integral_rad_per_s : -velocity_error;",
-        "-velocity_error;",
+        "= last->sliding_integral_rad_per_s;",
+        "= -velocity_error;",
+    ),
+    "s of the first tick taken from memory": (
+        "last->sliding_integral_rad_per_s = sliding_integral;",
+        "(void)sliding_integral;",
     ),
     "first tick as any other": (
-        "(running != 0u) ? tdc_difference(displacement_counts, last->displacement) : 0;",
-        "tdc_difference(displacement_counts, last->displacement);",
+        "last->displacement = tdc_difference(input->counts[i], last->counts);",
+        "",
     ),
     "jump seen in one direction": (
-        "(displacement_counts < -gains->max_displacement)",
-        "(displacement_counts < -1073741824)",
+        "(next->displacement < -gains->max_displacement)",
+        "(next->displacement < -1073741824)",
     ),
-    "infinity passed on": (
-        "if (tdc_is_finite(control_torque + next_sliding_integral) == 0u) {",
-        "if (tdc_is_finite(next_sliding_integral) == 0u) {",
+    "jump of the last joint only": (
+        "tdc_in_order(unusual | ",
+        "tdc_in_order((unusual & 0u) | ",
     ),
+    "jump not looked for": (
+        "return jump | (tdc_bits",
+        "return (jump & 0u) | (tdc_bits",
+    ),
+    "limit looked at on one side": (
+        "(tdc_bits(control_torque) & 0x7FFFFFFFu)",
+        "tdc_bits(control_torque)",
+    ),
+    "limit of the last joint not looked at": (
+        "return jump | (tdc_bits",
+        "return (i == (TDC_PUMA3_JOINTS - 1u)) ? jump : jump | (tdc_bits",
+    ),
+    "last joint not settled": (
+        "float torque_Nm[TDC_PUMA3_JOINTS]) { uint32_t faults = 0u; uint32_t saturated = 0u;"
+        " for (uint32_t i = 0u; i < TDC_PUMA3_JOINTS; ++i) {",
+        "float torque_Nm[TDC_PUMA3_JOINTS]) { uint32_t faults = 0u; uint32_t saturated = 0u;"
+        " for (uint32_t i = 0u; i < (TDC_PUMA3_JOINTS - 1u); ++i) {",
+    ),
+    "index not flipped": (
+        "state->phase = TDC_PHASE_RUNNING + next;",
+        "state->phase = TDC_PHASE_RUNNING + last;",
+    ),
+    "index not flipped when settled": (
+        "TDC_PHASE_RUNNING + ((state->phase & 1u) ^ 1u)",
+        "TDC_PHASE_RUNNING + (state->phase & 1u)",
+    ),
+    "index flipped after an error": (
+        "error_torque(config, state, torque_Nm);",
+        "error_torque(config, state, torque_Nm); state->phase ^= 1u;",
+    ),
+    "scratch read": ("&memory->tick[last], input", "&memory->tick[next], input"),
+    "scratch held after an error": (
+        "tick[state->phase & 1u].applied_torque_Nm",
+        "tick[(state->phase & 1u) ^ 1u].applied_torque_Nm",
+    ),
+    "scratch settled is the last memory": (
+        "tick[(state->phase & 1u) ^ 1u];",
+        "tick[state->phase & 1u];",
+    ),
+    "saturation bits of an earlier tick": ("{ state->saturated_joints = 0u;", "{"),
+    "infinity passed on": ("if (tdc_is_finite(control_torque) == 0u) {", "if (0) {"),
     "wrong torque after an error": (
         "(config->on_error == TDC_HOLD_TORQUE)",
         "(config->on_error != TDC_HOLD_TORQUE)",
     ),
     "failed tick leaves a trace": (
         "error_torque(config, state, torque_Nm);",
-        "error_torque(config, state, torque_Nm); state->joint[0].counts = next[0].counts;",
+        "error_torque(config, state, torque_Nm); state->saturated_joints = saturated;",
+    ),
+    "failed tick writes over the last memory": (
+        "next->counts = input->counts[i];",
+        "next->counts = input->counts[i];"
+        " ((tdc_puma3_joint_state *)last)->counts = input->counts[i];",
     ),
 }
 

@@ -13,14 +13,13 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from codegen.controller import Controller
 from codegen.law import LawFunction, measurement, switch_on, torque_law
 from codegen.sig_pow import tables
-from verification.cases import PHASE_RUNNING, Cases, Records
+from verification.cases import Cases, Records, is_running, last_memory
 from verification.chain.forward_error import Bounded, distance, exact_law, exactly
 from verification.chain.program import (
     STATUSES,
@@ -277,7 +276,7 @@ def modelled(library: Compiled, vectors: Vectors) -> Modelled:
     """The law in double and as enclosures, on the vectors that the controller must not refuse."""
     accepted = vectors.take(~is_refused(vectors.records))
     cases = accepted.cases
-    running = cases.state["phase"] == PHASE_RUNNING
+    running = is_running(cases.state)
     whole = integers(cases, running)
     limit = cases.config["joint"]["max_displacement"].astype(np.int64)
     jump: Flags = np.any(np.abs(whole.displacement) > limit, axis=1)
@@ -359,8 +358,10 @@ def _exact(controller: Controller, cases: Cases, doubles: dict[str, Doubles]) ->
     measure, start, law = parts
     known |= exact_law(measure, known)
     first = exact_law(start, known)["sliding_integral"]
-    running = (cases.state["phase"] == PHASE_RUNNING)[:, None]
-    remembered = exactly(cases.state["joint"]["sliding_integral_rad_per_s"])
+    running = is_running(cases.state)[:, None]
+    # A first tick's memory may hold any bits there, which are no number and not used.
+    integral = last_memory(cases.state)["sliding_integral_rad_per_s"]
+    remembered = exactly(np.where(running, integral, np.float32(0.0)))
     known["sliding_integral"] = Bounded(
         np.where(running, remembered.value, first.value), np.where(running, 0.0, first.error)
     )
@@ -376,15 +377,11 @@ class Range:
 
     Attributes:
         left: an intermediate result certainly overflows.
-        unsure: one may, or leaves the range in which the kernel's bound is stated.
+        unsure: one may.
     """
 
     left: Flags
     unsure: Flags
-
-
-_KERNEL_BOUND_UP_TO, _KERNEL_INFINITE_FROM = 2.0**103, 2.0**105
-"""From tdc_sig_pow.h: where the kernel's bound ends, and from where on it takes x as infinite."""
 
 
 def float_range(controller: Controller, law: Outputs) -> Range:
@@ -392,23 +389,18 @@ def float_range(controller: Controller, law: Outputs) -> Range:
     shape = law.exact["limited_torque"].shape
     left, unsure = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
 
-    def note(interval: Interval, from_: float, up_to: float) -> None:
-        nearest = np.maximum(np.maximum(interval.low, -interval.high), 0.0)
-        farthest = np.maximum(np.abs(interval.low), np.abs(interval.high))
-        np.logical_or(left, nearest > from_, out=left)
-        np.logical_or(unsure, ~(farthest <= up_to), out=unsure)
-
-    def noted(code: int, rule: Callable[..., Interval]) -> Callable[..., Interval]:
+    def noted(rule: Callable[..., Interval]) -> Callable[..., Interval]:
         def apply(*operands: Interval) -> Interval:
-            if code in (ca.OP_POW, ca.OP_CONSTPOW):
-                note(operands[0], _KERNEL_INFINITE_FROM, _KERNEL_BOUND_UP_TO)
             result = rule(*operands)
-            note(result, FLOAT_MAX, FLOAT_MAX)
+            nearest = np.maximum(np.maximum(result.low, -result.high), 0.0)
+            farthest = np.maximum(np.abs(result.low), np.abs(result.high))
+            np.logical_or(left, nearest > FLOAT_MAX, out=left)
+            np.logical_or(unsure, ~(farthest <= FLOAT_MAX), out=unsure)
             return result
 
         return apply
 
-    watched = {code: noted(code, rule) for code, rule in rules(tables().relative_bound).items()}
+    watched = {code: noted(rule) for code, rule in rules(tables().relative_bound).items()}
     parts: tuple[LawFunction, ...] = (
         measurement(controller.options),
         torque_law(controller.options),
@@ -450,7 +442,7 @@ def double_to_host(library: Compiled, model: Modelled, host: Host, vectors: Vect
     compared = batch.good & decided
     # Saturation brings two torques closer, never further apart: the bound is that before it.
     demanded = "filtered_torque" if library.controller.options.low_pass else "control_torque"
-    integral = results["state"]["joint"]["sliding_integral_rad_per_s"]
+    integral = last_memory(results["state"])["sliding_integral_rad_per_s"]
     ends = {
         "limited_torque": _apart(batch, "limited_torque", demanded, results["torque_Nm"]),
         "next_sliding_integral": _apart(
@@ -461,7 +453,7 @@ def double_to_host(library: Compiled, model: Modelled, host: Host, vectors: Vect
         DOUBLE_TO_HOST,
         library.controller.name,
         len(vectors) - int((~decided).sum()),
-        {"may overflow binary32, or x of sig_pow is beyond 2^103": int((~decided).sum())},
+        {"may overflow binary32": int((~decided).sum())},
         _deviations(
             model.vectors.group[compared],
             {name: (apart[compared], room[compared]) for name, (apart, room) in ends.items()},
@@ -624,7 +616,7 @@ def _word(kind: np.dtype[np.void], offset: int) -> tuple[str, int | None, np.dty
         if element.names is None:
             return name, joint, element
         deeper, deeper_joint, word = _word(element, inner % element.itemsize)
-        return deeper, joint if deeper_joint is None else deeper_joint, word
+        return deeper, deeper_joint if joint is None else joint, word
     raise ValueError(f"no word at offset {offset} of {kind}")
 
 

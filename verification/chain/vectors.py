@@ -2,9 +2,9 @@
 
 They follow from the specification and fixed seeds alone. The drawn ones are those of
 ``verification.cases``; the directed ones stand where binary32 and the C's own branches have their
-edges. A NaN appears in inputs only, with one payload: neither init nor step lets one into a state,
-so that no output holds one, and payloads, which processors choose differently, are compared
-nowhere.
+edges. A NaN that a step reads appears in inputs only, with one payload: neither init nor step lets
+one into the last tick's memory, so that no output holds one, and payloads, which processors choose
+differently, are compared nowhere. What a step must not read of the memory holds random bits.
 """
 
 from __future__ import annotations
@@ -19,7 +19,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.sig_pow import exponent_q31
-from verification.cases import PHASE_RUNNING, PHASE_START, REGIMES, Cases, Records, draw, wrap
+from verification.cases import (
+    PHASE_RUNNING,
+    PHASE_START,
+    REGIMES,
+    RUNNING_PHASES,
+    Cases,
+    Records,
+    disperse,
+    draw,
+    first_index,
+    wrap,
+)
 from verification.equivalence import Compiled
 
 DRAWN = 600
@@ -29,6 +40,9 @@ FLOAT_MAX = float(np.finfo(np.float32).max)
 _TINY, _SMALLEST_NORMAL = 2.0**-149, 2.0**-126
 
 EXPONENTS = ("1/5", "2/5", "1/2", "19/21", "19/20", "1", "6/5", "3/2", "199/100", "2")
+_LINE_FROM = 2.0**126
+"""From here on sig_pow follows a line for the tiniest exponents."""
+_TINY_EXPONENTS = ("1/1000000000", "1/100", "1/64", "1/60")
 _LAST_TICK_COUNTS = (2**31 - 1, 2**31 - 5, -(2**31), 3 - 2**31, 0)
 _ERRORS_Q8 = (0, 1, -1, 255, -(2**15), 2**24 + 1, 2**31 - 1, -(2**31))
 _NOT_FINITE = (np.nan, np.inf, -np.inf)
@@ -124,16 +138,26 @@ def _directed(library: Compiled) -> Iterator[tuple[str, Records]]:
         "not finite": _not_finite,
         "refused": _refused,
     }
+    rng = np.random.default_rng(zlib.crc32(library.controller.name.encode()))
     for name, group in groups.items():
-        yield name, np.concatenate(list(group(library)))
+        records = np.concatenate(list(group(library)))
+        disperse(records["state"], rng)
+        yield name, records
 
 
 def _standstill(library: Compiled) -> Records:
-    """One step of a robot at rest at zero, with the shipped gains; the joints are alike."""
+    """One step of a robot at rest at zero, with the shipped gains; the joints are alike.
+
+    Its memory has index 0 until it is dispersed.
+    """
     record = np.zeros(1, case_type(library))
     record["config"] = np.frombuffer(bytes(library.default_config), record.dtype["config"])[0]
     record["state"]["phase"] = PHASE_RUNNING
     return record
+
+
+def _memory(record: Records) -> Records:
+    return first_index(record["state"])
 
 
 def _without_feedback(library: Compiled) -> Records:
@@ -155,9 +179,12 @@ def _saturation(library: Compiled) -> Iterator[Records]:
     ][0]
     below, above = (np.nextafter(limit, end) / limit for end in (np.float32(0), np.float32(np.inf)))
     side = _both_signs(limit.size)
-    for factor, sign in itertools.product((0.5, below, 1.0, above, 2.0, 1e6), (side, -side)):
+    # A joint at its limit beside one beyond it.
+    mixed = np.where(np.arange(limit.size) % 2, 2.0, 1.0)
+    factors = (0.5, below, 1.0, above, 2.0, 1e6, mixed)
+    for factor, sign in itertools.product(factors, (side, -side)):
         by_torque = _without_feedback(library)
-        by_torque["state"]["joint"]["applied_torque_Nm"] = factor * sign * limit
+        _memory(by_torque)["applied_torque_Nm"] = factor * sign * limit
         yield by_torque
         by_reference = _standstill(library)
         inertia = by_reference["config"]["joint"]["inertia_kgm2"]
@@ -172,8 +199,8 @@ def _wrap_around(library: Compiled) -> Iterator[Records]:
     for counts, moved, error in itertools.product(_LAST_TICK_COUNTS, moves, _ERRORS_Q8):
         record = _standstill(library)
         now = wrap(np.array(counts + moved))
-        record["state"]["joint"]["counts"] = counts
-        record["state"]["joint"]["displacement"] = wrap(np.array(-moved)) if error % 2 else moved
+        _memory(record)["counts"] = counts
+        _memory(record)["displacement"] = wrap(np.array(-moved)) if error % 2 else moved
         record["input"]["counts"] = now
         record["input"]["reference_position_q8"] = wrap(wrap(now * 256) + error)
         # As the limit ships, and as wide as it may be set.
@@ -203,18 +230,18 @@ def _exponents(library: Compiled) -> Iterator[Records]:
         record["input"]["reference_position_q8"] = _ERRORS_Q8[k % len(_ERRORS_Q8)]
         yield record.copy()
         # The same error, but s next to zero.
-        record["state"]["joint"]["sliding_integral_rad_per_s"] = -np.nextafter(
+        _memory(record)["sliding_integral_rad_per_s"] = -np.nextafter(
             record["input"]["reference_velocity_rad_per_s"], np.float32(0)
         )
         yield record
 
 
 def _largest(library: Compiled) -> Iterator[Records]:
-    """References up to the largest float, where sig_pow's range ends, and overflow sets in."""
-    sizes = (1e15, 2.0**102, 2.0**103, 4e31, 2.0**105, 1e38, FLOAT_MAX)
+    """References up to the largest float, where sums overflow and tiny powers follow a line."""
+    sizes = (1e15, 2.0**105, 2.0**125, _LINE_FROM, 1e38, 2.0**127, FLOAT_MAX)
     joints = len(library.controller.joints)
     fields = ("reference_velocity_rad_per_s", "reference_acceleration_rad_per_s2")
-    for size, a, field in itertools.product(sizes, EXPONENTS, fields):
+    for size, a, field in itertools.product(sizes, (*_TINY_EXPONENTS, *EXPONENTS), fields):
         record = _with_exponents(_standstill(library), exponent_q31(Fraction(a)))
         record["input"][field] = size * _both_signs(joints)
         yield record.copy()
@@ -229,8 +256,8 @@ def _subnormal(library: Compiled) -> Iterator[Records]:
         record = _standstill(library)
         record["input"]["reference_velocity_rad_per_s"] = velocity
         record["input"]["reference_acceleration_rad_per_s2"] = torque
-        record["state"]["joint"]["sliding_integral_rad_per_s"] = integral
-        record["state"]["joint"]["applied_torque_Nm"] = torque
+        _memory(record)["sliding_integral_rad_per_s"] = integral
+        _memory(record)["applied_torque_Nm"] = torque
         yield record.copy()
         # Feedback alone; nothing larger hides the subnormal terms.
         for gain in ("kd", "kp", "lambda"):
@@ -255,9 +282,9 @@ def _first_tick(library: Compiled) -> Iterator[Records]:
     for moved, velocity, integral in itertools.product((0, 5, -700), (0.0, 1.5, -3.0), (0.0, 9.0)):
         record = _standstill(library)
         record["state"]["phase"] = PHASE_START
-        record["state"]["joint"]["displacement"] = 123
-        record["state"]["joint"]["sliding_integral_rad_per_s"] = integral
-        record["state"]["joint"]["applied_torque_Nm"] = 4.5
+        _memory(record)["displacement"] = 123
+        _memory(record)["sliding_integral_rad_per_s"] = integral
+        _memory(record)["applied_torque_Nm"] = 4.5
         record["input"]["counts"] = moved
         record["input"]["reference_position_q8"] = 256 * moved + 40
         record["input"]["reference_velocity_rad_per_s"] = velocity
@@ -272,7 +299,7 @@ def _not_finite(library: Compiled) -> Iterator[Records]:
         fields, _NOT_FINITE, range(joints), (False, True)
     ):
         record = _standstill(library)
-        record["state"]["joint"]["applied_torque_Nm"] = 1.25
+        _memory(record)["applied_torque_Nm"] = 1.25
         record["input"][field][:, joint] = value
         record["config"]["on_error"] = joint % 2
         if jump:
@@ -283,13 +310,13 @@ def _not_finite(library: Compiled) -> Iterator[Records]:
 def _refused(library: Compiled) -> Iterator[Records]:
     """Missing arguments, and memory that nobody initialised."""
     moving = _standstill(library)
-    moving["state"]["joint"]["applied_torque_Nm"] = 1.25
+    _memory(moving)["applied_torque_Nm"] = 1.25
     moving["input"]["reference_velocity_rad_per_s"] = 0.5
     for missing in range(1, 16):
         record = moving.copy()
         record["missing"] = missing
         yield record
-    for phase in (0, PHASE_START - 1, PHASE_RUNNING + 1, 2**32 - 1):
+    for phase in (0, PHASE_START - 1, PHASE_START + 1, PHASE_RUNNING + 2, 2**32 - 1):
         record = moving.copy()
         record["state"]["phase"] = phase
         yield record
@@ -302,6 +329,6 @@ def float_inputs(given: Records) -> list[str]:
 
 def is_refused(records: Records) -> NDArray[np.bool_]:
     """Steps that the controller must not take: an argument is missing, or the state is unfilled."""
-    filled = np.isin(records["state"]["phase"], (PHASE_START, PHASE_RUNNING))
+    filled = np.isin(records["state"]["phase"], (PHASE_START, *RUNNING_PHASES))
     refused: NDArray[np.bool_] = (records["missing"] != 0) | ~filled
     return refused

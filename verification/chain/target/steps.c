@@ -13,7 +13,51 @@
 #define INFINITY_BITS 0x7F800000u
 #define SIGN_BIT 0x80000000u
 
+/* --- Memory ---------------------------------------------------------------------------------- */
+
+/* The last tick's memory of a joint: its index is the lowest bit of the phase. */
+static controller_joint_state *last_memory(controller_state *const state, const uint32_t j)
+{
+    return &state->joint[j].tick[state->phase & 1u];
+}
+
+static controller_joint_state *scratch_memory(controller_state *const state, const uint32_t j)
+{
+    return &state->joint[j].tick[(state->phase & 1u) ^ 1u];
+}
+
+/* What the first tick takes from a memory; it finds out the rest from its own input. */
+static controller_joint_state started_from(const controller_joint_state *const memory)
+{
+    const controller_joint_state start = {
+        .counts = memory->counts,
+        .applied_torque_Nm = memory->applied_torque_Nm,
+    };
+    return start;
+}
+
+/*
+ * Zeros all of a good state that no tick reads. A failed tick may leave a NaN there, whose payload
+ * processors choose differently.
+ */
+static void clear_scratch(controller_state *const state)
+{
+    static const controller_joint_state nothing = {0};
+    for (uint32_t j = 0u; j < JOINTS; ++j) {
+        *scratch_memory(state, j) = nothing;
+        if (state->phase == TDC_PHASE_START) {
+            *last_memory(state, j) = started_from(last_memory(state, j));
+        }
+    }
+}
+
 /* --- One step -------------------------------------------------------------------------------- */
+
+/* Whether no step was taken, so that the state must be as it was in every bit. */
+static bool is_refused(const step_result *const result)
+{
+    return (result->status == TDC_BAD_ARGUMENT) || (result->status == TDC_NOT_INITIALISED);
+}
 
 void step_take(const step_case *const step, step_result *const result)
 {
@@ -27,6 +71,9 @@ void step_take(const step_case *const step, step_result *const result)
                         ((missing & STEP_WITHOUT_STATE) != 0u) ? NULL : &result->state,
                         ((missing & STEP_WITHOUT_INPUT) != 0u) ? NULL : &step->input,
                         ((missing & STEP_WITHOUT_TORQUE) != 0u) ? NULL : result->torque_Nm);
+    if (!is_refused(result)) {
+        clear_scratch(&result->state);
+    }
 }
 
 void step_take_all(const step_case *const steps, step_result *const results, const uint32_t count)
@@ -207,14 +254,15 @@ static int32_t draw_position(generator *const g)
     return tdc_signed(word);
 }
 
-static uint32_t draw_displacement(generator *const g, const step_case *const step, const uint32_t j,
+static uint32_t draw_displacement(generator *const g, step_case *const step, const uint32_t j,
                                   const ranges *const range)
 {
     if (step->state.phase == TDC_PHASE_START) {
         /* From standstill to full speed: the first tick takes no second difference of it. */
         return integer_below(g, (range->moves_from > 22u) ? 22u : range->moves_from);
     }
-    return (uint32_t)step->state.joint[j].displacement + integer_below(g, range->moves_from);
+    return (uint32_t)last_memory(&step->state, j)->displacement +
+           integer_below(g, range->moves_from);
 }
 
 static void draw_input(generator *const g, const regime far, step_case *const step)
@@ -227,9 +275,10 @@ static void draw_input(generator *const g, const regime far, step_case *const st
     }
     for (uint32_t j = 0u; j < JOINTS; ++j) {
         controller_input *const input = &step->input;
-        const uint32_t moved = even ? (uint32_t)step->state.joint[j].displacement
-                                    : draw_displacement(g, step, j, range);
-        const uint32_t counts = (uint32_t)step->state.joint[j].counts + moved;
+        const controller_joint_state *const last = last_memory(&step->state, j);
+        const uint32_t moved =
+            even ? (uint32_t)last->displacement : draw_displacement(g, step, j, range);
+        const uint32_t counts = (uint32_t)last->counts + moved;
         const uint32_t error = integer_below(g, (far == RIG) ? 17u : 0u);
         input->counts[j] = tdc_signed(counts);
         input->reference_position_q8[j] = tdc_signed((counts * 256u) + error);
@@ -245,10 +294,34 @@ static void disturb_state(generator *const g, const regime far, controller_state
 {
     const ranges *const range = &RANGES[far];
     for (uint32_t j = 0u; j < JOINTS; ++j) {
-        state->joint[j].sliding_integral_rad_per_s = signed_in(g, range->velocity);
-        state->joint[j].applied_torque_Nm = signed_in(g, range->torque);
+        controller_joint_state *const last = last_memory(state, j);
+        last->sliding_integral_rad_per_s = signed_in(g, range->velocity);
+        last->applied_torque_Nm = signed_in(g, range->torque);
     }
     state->saturated_joints = next(g);
+}
+
+static void draw_bits(generator *const g, controller_joint_state *const memory)
+{
+    uint32_t words[sizeof *memory / sizeof(uint32_t)];
+    for (uint32_t i = 0u; i < (sizeof words / sizeof words[0]); ++i) {
+        words[i] = next(g);
+    }
+    (void)memcpy(memory, words, sizeof words);
+}
+
+/* Any bits at all where a step must not look. */
+static void fill_scratch(generator *const g, controller_state *const state)
+{
+    for (uint32_t j = 0u; j < JOINTS; ++j) {
+        draw_bits(g, scratch_memory(state, j));
+        if (state->phase == TDC_PHASE_START) {
+            const controller_joint_state start = started_from(last_memory(state, j));
+            draw_bits(g, last_memory(state, j));
+            last_memory(state, j)->counts = start.counts;
+            last_memory(state, j)->applied_torque_Nm = start.applied_torque_Nm;
+        }
+    }
 }
 
 static void spoil_input(generator *const g, controller_input *const input)
@@ -323,6 +396,7 @@ static void draw_step(generator *const g, const regime of_gains, step_case *cons
     if (once_in(g, 64u)) {
         spoil_input(g, &step->input);
     }
+    fill_scratch(g, &step->state);
     step->missing = once_in(g, 256u) ? (next(g) >> 28u) : 0u;
     if ((step->missing == 0u) && once_in(g, 256u)) {
         step->state.phase = next(g); /* memory that nobody filled */
@@ -356,8 +430,9 @@ void block_take(const uint32_t block, const uint32_t steps, block_summary *const
             observer(context, &step, &result);
         }
         step.state = result.state;
-        if (result.status == TDC_NOT_INITIALISED) {
+        if (is_refused(&result)) {
             step.state.phase = phase;
+            clear_scratch(&step.state);
         }
     }
 }

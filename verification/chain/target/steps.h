@@ -25,7 +25,10 @@ typedef struct {
     controller_input input;
 } step_case;
 
-/** What became of it; torque_Nm holds STEP_UNWRITTEN_NM where the step wrote nothing. */
+/**
+ * What became of it; torque_Nm holds STEP_UNWRITTEN_NM where the step wrote nothing. What no later
+ * step reads of the state is zero, unless the step was refused: then all is as it was.
+ */
 typedef struct {
     int32_t status;
     float torque_Nm[JOINTS];
