@@ -87,7 +87,7 @@ _KERNELS = {
         exp2=_Half("exp2", 23, 7, True, 1, 12, 10, 1),
         cut_u=_U >> 10,
         shift_u=0,
-        body_sha256="593aad71e09e9cb829cc7de43d7227b56a7e12cb86a24ab856bc9dbef20609f0",
+        body_sha256="c8e15acf0010ec35b0b48e5b1f8c0bbe5fe2a88f15104b701314785ea3057823",
     ),
 }
 
@@ -126,9 +126,10 @@ def complaints(certificate: Mapping[str, Any], header: str, source: str) -> Iter
         for column, (half, _) in enumerate(halves):
             yield from _range_complaints(half, [row[column] for row in words])
         yield from _composition_complaints(certificate, kernel)
-        for column, (half, claim) in enumerate(halves):
-            own = [row[column] for row in words]
-            yield from _piece_complaints(half, own, claim, int(certificate["per_unit"]))
+        per_unit = int(certificate["per_unit"])
+        for segment, row in enumerate(words):
+            for column, (half, claim) in enumerate(halves):
+                yield from _segment_complaints(half, segment, row[column], claim, per_unit)
     except (KeyError, TypeError, ValueError, IndexError, ZeroDivisionError) as error:
         yield f"not a certificate: {type(error).__name__} {error}"
 
@@ -299,20 +300,19 @@ def _corrected(half: _Half, word: int, d: int, segment: int, spare: int) -> tupl
     return low.__ceil__() >> half.finer, high.__floor__() >> half.finer
 
 
-def _piece_complaints(
-    half: _Half, words: Sequence[int], claim: Mapping[str, Any], per_unit: int
+def _segment_complaints(
+    half: _Half, segment: int, word: int, claim: Mapping[str, Any], per_unit: int
 ) -> Iterator[str]:
-    """The bounds of quadratic less function hold on every piece."""
+    """The bounds of quadratic less function hold on every piece of a segment."""
     pieces = 1 << (_LEAF_LEVEL - half.index)
     width = Fraction(half.width, pieces)
-    for segment, word in enumerate(words):
-        for piece in range(pieces):
-            k = segment * pieces + piece
-            bounds = tuple(Fraction(int(claim[key][k]), per_unit) for key in ("low", "high"))
-            start = segment * half.width + piece * width
-            ends = tuple(_end(half, word, segment, a) for a in (start, start + width))
-            if not _within(half, word, segment, ends, bounds, _DEEPEST):
-                yield f"{half.function}: the bounds of piece {k} do not hold"
+    for piece in range(pieces):
+        k = segment * pieces + piece
+        bounds = tuple(Fraction(int(claim[key][k]), per_unit) for key in ("low", "high"))
+        start = segment * half.width + piece * width
+        ends = tuple(_end(half, word, segment, a) for a in (start, start + width))
+        if not _within(half, word, segment, ends, bounds, _DEEPEST):
+            yield f"{half.function}: the bounds of piece {k} do not hold"
 
 
 _End = tuple[Fraction, Fraction, Fraction]

@@ -194,7 +194,7 @@ def errors(stage: Correction, computed: Words) -> Doubles:
     return np.concatenate(parts)
 
 
-def _inside(stage: Correction, half: Half, error: Doubles) -> bool:
+def inside(stage: Correction, half: Half, error: Doubles) -> bool:
     """Whether every error is within the bounds that were proved for its piece."""
     below, above = stage.rounding
     by_piece = error.reshape(PIECES, -1)
@@ -222,7 +222,7 @@ def statements(proof: Proof, found: Integers) -> Iterator[Statement]:
             f"The compiled C gives {what[name]} within the bounds proved for each piece.",
             f"{float(low):.4f} to {float(high):.4f} units",
             Evidence.EXHAUSTIVE,
-            _inside(stage, half, error),
+            inside(stage, half, error),
         )
     for name, odd, cases in (
         ("log2", found.odd_logarithms, "normal floats"),

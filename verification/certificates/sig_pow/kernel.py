@@ -216,11 +216,11 @@ PRECISE = Kernel(
             tdc_precise_address(&tdc_precise_segments[(magnitude >> 17u) & 127u])->log2;
         const uint32_t log2_slope = (uint32_t)log2_word;
         const int32_t log2_offset = tdc_shift_right(tdc_signed(magnitude << 14u), 4u);
-        const int32_t log2_bend = tdc_multiply_high(log2_offset, tdc_signed(log2_slope << 20u));
+        const int32_t log2_bend = tdc_high_half(log2_offset, tdc_signed(log2_slope << 20u));
         const int32_t log2_tilt = tdc_signed(log2_slope - (uint32_t)log2_bend);
         const int32_t log2_correction =
             tdc_signed((uint32_t)(log2_word >> 32u) +
-                       (uint32_t)tdc_multiply_high(log2_offset, log2_tilt));
+                       (uint32_t)tdc_high_half(log2_offset, log2_tilt));
         const int32_t logarithm = tdc_signed(magnitude - (127u * 0x1000000u) +
                                              (uint32_t)tdc_shift_right(log2_correction, 10u));
         """,
@@ -252,11 +252,11 @@ PRECISE = Kernel(
         const uint32_t field_rest = (uint32_t)power >> 22u;
         const int32_t exp2_offset =
             tdc_signed((uint32_t)tdc_shift_right(tdc_signed(field << 15u), 5u) | field_rest);
-        const int32_t exp2_bend = tdc_multiply_high(exp2_offset, tdc_signed(exp2_slope << 20u));
+        const int32_t exp2_bend = tdc_high_half(exp2_offset, tdc_signed(exp2_slope << 20u));
         const int32_t exp2_tilt = tdc_signed(exp2_slope + (uint32_t)exp2_bend);
         const int32_t exp2_correction =
             tdc_signed((uint32_t)(exp2_word >> 32u) + field_rest +
-                       (uint32_t)tdc_multiply_high(exp2_offset, exp2_tilt));
+                       (uint32_t)tdc_high_half(exp2_offset, exp2_tilt));
         const uint32_t bits = tdc_in_order(field + 0x800000u +
                                            (uint32_t)tdc_shift_right(exp2_correction, 10u));
         """,
