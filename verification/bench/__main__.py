@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from codegen.emit import GenerationError
 from codegen.problems import SpecificationError
+from codegen.source import GenerationError
 from plant.closed_loop import ControllerError, PlantError
 from plant.native import CompilerError
 from plant.robot import RobotError
