@@ -207,23 +207,23 @@ HOST_MUTANTS = {
     ),
     "at the limit is saturated": (
         "tdc_puma3.c",
-        "if (limited_torque != control_torque) {",
-        "if ((control_torque >= gains->torque_limit_Nm) || (limited_torque != control_torque)) {",
+        "if ((tdc_beyond(gains->torque_limit_Nm, control_torque) >> 31u) != 0u) {",
+        "if (((tdc_beyond(gains->torque_limit_Nm, control_torque) - 1u) >> 31u) != 0u) {",
     ),
     "one beyond the limit is not looked at": (
-        "tdc_puma3.c",
-        "(tdc_bits(gains->torque_limit_Nm) - (tdc_bits(control_torque) & 0x7FFFFFFFu))",
-        "((tdc_bits(gains->torque_limit_Nm) + 1u) - (tdc_bits(control_torque) & 0x7FFFFFFFu))",
+        "tdc.h",
+        "return tdc_bits(limit) - ",
+        "return (tdc_bits(limit) + 1u) - ",
     ),
     "jump forwards not looked for": (
         "tdc_puma3.c",
-        "(max_displacement - displacement) | (max_displacement + displacement)",
-        "(max_displacement + displacement)",
+        "(limit - (uint32_t)displacement) | (limit + (uint32_t)displacement)",
+        "(limit + (uint32_t)displacement)",
     ),
     "jump backwards not looked for": (
         "tdc_puma3.c",
-        "(max_displacement - displacement) | (max_displacement + displacement)",
-        "(max_displacement - displacement)",
+        "(limit - (uint32_t)displacement) | (limit + (uint32_t)displacement)",
+        "(limit - (uint32_t)displacement)",
     ),
     "phase between start and running taken": (
         "tdc_puma3.c",
