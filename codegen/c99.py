@@ -44,7 +44,7 @@ _SIG_PARTS = (ca.OP_SIGN, ca.OP_FABS, ca.OP_POW, ca.OP_CONSTPOW)
 
 
 @dataclass(frozen=True)
-class _Node:
+class Node:
     """A value of the expression graph in static single assignment form."""
 
     op: int
@@ -54,10 +54,34 @@ class _Node:
 
 
 @dataclass(frozen=True)
-class _Graph:
-    nodes: tuple[_Node, ...]
+class Graph:
+    nodes: tuple[Node, ...]
     outputs: tuple[int, ...]
     """The node of each quantity of the law function."""
+
+    def sig(self, index: int) -> tuple[int, int] | None:
+        """Base and exponent where the node is sgn(x) |x|^a, in either order of the factors.
+
+        Raises:
+            UnprintableError: the exponent is a constant.
+        """
+        node = self.nodes[index]
+        if node.op != ca.OP_MUL:
+            return None
+        for sign, power in (node.arguments, node.arguments[::-1]):
+            if self.nodes[sign].op != ca.OP_SIGN:
+                continue
+            if self.nodes[power].op not in (ca.OP_POW, ca.OP_CONSTPOW):
+                continue
+            magnitude, exponent = self.nodes[power].arguments
+            base = self.nodes[sign].arguments[0]
+            if self.nodes[magnitude].op == ca.OP_FABS:
+                if self.nodes[magnitude].arguments[0] != base:
+                    continue
+                if self.nodes[exponent].input is None:
+                    raise UnprintableError("the exponent of sig() must be an input of the law")
+                return base, exponent
+        return None
 
 
 def print_law(
@@ -74,7 +98,7 @@ def print_law(
         UnprintableError: an operation without float-only C, or a value that is used twice
             without being a named quantity.
     """
-    graph = _graph(function)
+    graph = instruction_graph(function)
     spelled = {n.input.name: spelling(n.input) for n in graph.nodes if n.input is not None}
     statements: list[Statement] = []
     names: dict[int, str] = {}
@@ -95,13 +119,13 @@ def print_law(
     return tuple(statements)
 
 
-def _graph(function: LawFunction) -> _Graph:
+def instruction_graph(function: LawFunction) -> Graph:
     """The instruction list of the CasADi function as a graph.
 
     CasADi's instructions share work registers; each write starts a new node here.
     """
     casadi_function = function.casadi_function()
-    nodes: list[_Node] = []
+    nodes: list[Node] = []
     register: dict[int, int] = {}
     outputs: dict[int, int] = {}
     inputs: dict[str, int] = {}
@@ -116,22 +140,22 @@ def _graph(function: LawFunction) -> _Graph:
             parameter = function.inputs[source[0]]
             if parameter.name not in inputs:
                 inputs[parameter.name] = len(nodes)
-                nodes.append(_Node(op, input=parameter))
+                nodes.append(Node(op, input=parameter))
             register[target[0]] = inputs[parameter.name]
             continue
         if op == ca.OP_CONST:
-            nodes.append(_Node(op, constant=casadi_function.instruction_constant(k)))
+            nodes.append(Node(op, constant=casadi_function.instruction_constant(k)))
         else:
-            nodes.append(_Node(op, tuple(register[s] for s in source)))
+            nodes.append(Node(op, tuple(register[s] for s in source)))
         register[target[0]] = len(nodes) - 1
-    return _Graph(tuple(nodes), tuple(outputs[i] for i in range(len(outputs))))
+    return Graph(tuple(nodes), tuple(outputs[i] for i in range(len(outputs))))
 
 
 @dataclass(frozen=True)
 class _Expression:
     """Prints nodes as C expressions; named nodes by their name, all others in place."""
 
-    graph: _Graph
+    graph: Graph
     names: Mapping[int, str]
     spelled: Mapping[str, str]
     uses: Mapping[int, int]
@@ -146,7 +170,7 @@ class _Expression:
         """A node as an operand: parenthesised unless it is a name, a call or a literal."""
         node = self.graph.nodes[index]
         text = self._reference(index)
-        infix = index not in self.names and self._sig(index) is None
+        infix = index not in self.names and self.graph.sig(index) is None
         return f"({text})" if infix and node.op in (*_INFIX, ca.OP_NEG) else text
 
     def _reference(self, index: int) -> str:
@@ -166,7 +190,7 @@ class _Expression:
             return self.spelled[node.input.name]
         if node.op == ca.OP_CONST:
             return self.real.literal(node.constant)
-        sig = self._sig(index)
+        sig = self.graph.sig(index)
         if sig is not None:
             base, exponent = sig
             return f"{self.real.power}({self._reference(base)}, {self._reference(exponent)})"
@@ -181,22 +205,3 @@ class _Expression:
         raise UnprintableError(
             f"{self.where}: {_OP_NAMES.get(node.op, node.op)} has no float-only C in this printer"
         )
-
-    def _sig(self, index: int) -> tuple[int, int] | None:
-        """Base and exponent where the node is sgn(x) |x|^a, in either order of the factors."""
-        nodes = self.graph.nodes
-        node = nodes[index]
-        if node.op != ca.OP_MUL:
-            return None
-        for sign, power in (node.arguments, node.arguments[::-1]):
-            if nodes[sign].op != ca.OP_SIGN or nodes[power].op not in (ca.OP_POW, ca.OP_CONSTPOW):
-                continue
-            magnitude, exponent = nodes[power].arguments
-            base = nodes[sign].arguments[0]
-            if nodes[magnitude].op == ca.OP_FABS and nodes[magnitude].arguments[0] == base:
-                if nodes[exponent].input is None:
-                    raise UnprintableError(
-                        f"{self.where}: the exponent of sig() must be an input of the law"
-                    )
-                return base, exponent
-        return None

@@ -15,9 +15,11 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from codegen import sig_pow, sig_pow64, sig_pow_precise
+from codegen import sig_pow, sig_pow64, sig_pow_fixed, sig_pow_precise
 from codegen.c99 import Statement
 from codegen.controller import Controller
+from codegen.fixed_c import fixed_source
+from codegen.fixed_point import formats
 from codegen.floating_c import floating_source
 from codegen.layout import layout
 from codegen.rendering import TEMPLATES, environment
@@ -42,7 +44,9 @@ class GeneratedFiles:
 
 def controller_source(controller: Controller, structures: Layout) -> ControllerSource:
     """What one controller's own C is made from."""
-    return floating_source(controller, structures)
+    fixed = controller.arithmetic.kind == "fixed-point"
+    make = fixed_source if fixed else floating_source
+    return make(controller, structures)
 
 
 def generate(controller: Controller) -> GeneratedFiles:
@@ -75,19 +79,26 @@ def generate(controller: Controller) -> GeneratedFiles:
     return GeneratedFiles(controller.name, files)
 
 
-def identity(controller: Controller) -> int:
-    """What a configuration must have been made for: all that its fields can't change.
-
-    Name, structure of the law, sample time and encoder; a hash of 32 bits.
-    """
-    fixed = {
+def fixed_parts(controller: Controller) -> dict[str, Any]:
+    """What of a specification its configuration can't change: all but gains and limits."""
+    return {
         "name": controller.name,
         "arithmetic": asdict(controller.arithmetic),
         "options": asdict(controller.options),
         "sample_time": str(controller.sample_time),
         "counts_per_joint_rev": [str(j.counts_per_joint_rev) for j in controller.joints],
     }
-    return int(_sha256(_json(fixed))[:8], 16)
+
+
+def identity(controller: Controller) -> int:
+    """What a configuration must have been made for; a hash of 32 bits.
+
+    That is `fixed_parts`, and the units of integers, which follow from the gains.
+    """
+    parts = fixed_parts(controller)
+    if controller.arithmetic.kind == "fixed-point":
+        parts["formats"] = asdict(formats(controller))
+    return int(_sha256(_json(parts))[:8], 16)
 
 
 def generator_sha256() -> str:
@@ -161,6 +172,7 @@ _TABLES: dict[str, Callable[[], Any]] = {
     "tdc_sig_pow.c": lambda: {"tables": sig_pow.tables()},
     "tdc_sig_pow_precise.c": lambda: {"precise_tables": sig_pow_precise.precise_tables()},
     "tdc_sig_pow64.c": lambda: {"tables": sig_pow64.tables()},
+    "tdc_fixed.c": sig_pow_fixed.template_values,
 }
 
 

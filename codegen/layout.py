@@ -19,7 +19,12 @@ def layout(controller: Controller) -> Layout:
 
 
 def joint_config_values(controller: Controller, joint: Joint) -> dict[str, FieldValue]:
-    """The default configuration of a joint, by field name."""
+    """The configuration of a joint in the C of a controller, by field name.
+
+    Args:
+        controller: whose C it is for; integers are in its units.
+        joint: one of its own for the default configuration, or one with other gains.
+    """
     fixed = controller.arithmetic.kind == "fixed-point"
     values = fixed_config_values if fixed else floating_config_values
     return values(controller, joint)

@@ -15,6 +15,7 @@ class Scalar(Enum):
     UINT32 = "uint32_t"
     EXPONENT = "tdc_exponent"
     EXPONENT64 = "tdc_exponent64"
+    FIXED_POWER = "tdc_fixed_power"
 
 
 class Range(Enum):
@@ -26,6 +27,10 @@ class Range(Enum):
     RESTORING_EXPONENT = "greater than 0, below 2"
     EXPONENT = "0 or greater, below 2"
     DISPLACEMENT = "1 to 2^30"
+    FACTOR = "not 0"
+    TORQUE_LIMIT = "greater than 0; with the other fields: no torque overflows"
+    FIXED_DISPLACEMENT = "greater than 0; with the other fields: no motion overflows"
+    FIXED_RATIO = "greater than 0, at most 2^30"
     ON_ERROR = "TDC_HOLD_TORQUE or TDC_ZERO_TORQUE"
     IDENTITY = "as in the default configuration"
 

@@ -15,14 +15,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.controller import Controller
-from codegen.emit import identity
+from codegen.emit import fixed_parts, identity
 from codegen.floating_point import FieldValue
 from codegen.layout import joint_config_values, layout
 from codegen.structs import Scalar, Struct
 from plant.closed_loop import ControllerOutput
 from plant.native import shared_library, sources_of
+from plant.units import units
 
 OK, SATURATED = 0, 1
+
+
+class FixedPower(ctypes.Structure):
+    """``tdc_fixed_power``: an exponent in Q31 and a gain's logarithm in Q24."""
+
+    _fields_ = (("exponent_q31", ctypes.c_uint32), ("scale_q24", ctypes.c_int32))
 
 
 class Exponent64(ctypes.Structure):
@@ -39,6 +46,7 @@ _C_TYPES: dict[Scalar, Any] = {
     # A structure of one int32_t lies in memory like the int32_t.
     Scalar.EXPONENT: ctypes.c_int32,
     Scalar.EXPONENT64: Exponent64,
+    Scalar.FIXED_POWER: FixedPower,
 }
 
 
@@ -114,6 +122,7 @@ class GeneratedController:
                 "run `make codegen` and compile again"
             )
         self._counts_per_rad = np.array([1.0 / j.rad_per_count for j in controller.joints])
+        self._units = units(controller)
 
     @property
     def joints(self) -> int:
@@ -138,10 +147,10 @@ class GeneratedController:
         Raises:
             LayoutError: that specification differs in more than gains.
         """
-        if identity(controller) != identity(self.specification):
+        if fixed_parts(controller) != fixed_parts(self.specification):
             raise LayoutError("only gains and exponents can be tuned without new C")
         for i, joint in enumerate(controller.joints):
-            for name, value in joint_config_values(controller, joint).items():
+            for name, value in joint_config_values(self.specification, joint).items():
                 setattr(self.config.joint[i], name, value)
 
     def check_config(self) -> int:
@@ -155,7 +164,8 @@ class GeneratedController:
     ) -> int:
         """Calls ``tdc_NAME_init``; returns its status."""
         c_counts = (ctypes.c_int32 * self.joints)(*map(int, counts))
-        c_torque = (self._types.torque * self.joints)(*map(float, holding_torque_Nm))
+        torque = self._units.torque.stored(holding_torque_Nm)
+        c_torque = (self._types.torque * self.joints)(*torque.tolist())
         return int(self._init(*self._pointers[:2], c_counts, c_torque))
 
     def position_q8(self, position_rad: NDArray[np.float64]) -> NDArray[np.int32]:
@@ -172,13 +182,16 @@ class GeneratedController:
         acceleration_rad_per_s2: NDArray[np.float64],
     ) -> ControllerOutput:
         """One tick of ``tdc_NAME_step``; all arguments have shape (n,)."""
-        given = self.input
+        given, units = self.input, self._units
         given.counts[:] = counts.tolist()
         given.reference_position_q8[:] = self.position_q8(position_rad).tolist()
-        given.reference_velocity_rad_per_s[:] = velocity_rad_per_s.tolist()
-        given.reference_acceleration_rad_per_s2[:] = acceleration_rad_per_s2.tolist()
+        for unit, value in (
+            (units.velocity, velocity_rad_per_s),
+            (units.acceleration, acceleration_rad_per_s2),
+        ):
+            getattr(given, unit.field)[:] = unit.stored(value).tolist()
         status = int(self._step(*self._pointers))
-        return ControllerOutput(np.array(self._torque), status)
+        return ControllerOutput(units.torque.physical(np.array(self._torque)), status)
 
 
 def _value(struct: ctypes.Structure, name: str) -> FieldValue:
