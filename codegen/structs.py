@@ -26,7 +26,7 @@ class Range(Enum):
     RATIO = "greater than 0, at most 1"
     RESTORING_EXPONENT = "greater than 0, below 2"
     EXPONENT = "0 or greater, below 2"
-    DISPLACEMENT = "1 to 2^30"
+    DISPLACEMENT = "1 to 2^30 - 1"
     FACTOR = "not 0"
     TORQUE_LIMIT = "greater than 0; with the other fields: no torque overflows"
     FIXED_DISPLACEMENT = "greater than 0; with the other fields: no motion overflows"

@@ -22,6 +22,8 @@ from plant.closed_loop import ControllerError, PlantError
 from plant.controller import LayoutError
 from plant.native import BUILD, CompilerError
 from plant.robot import RobotError
+from verification.certificates.sig_pow.kernel import KernelError
+from verification.certificates.sig_pow.present import shipped, verdict
 from verification.chain.links import BLOCK_STEPS, blocks_of, chain
 from verification.chain.present import failures, notes, table_of
 from verification.equivalence import check_all, summary, variants
@@ -58,6 +60,7 @@ _BAD_INPUT = (
     LayoutError,
     CompilerError,
     ToolError,
+    KernelError,
     OSError,
 )
 
@@ -107,6 +110,22 @@ def _symbolic(arguments: argparse.Namespace, console: Console, progress: Console
                 console.print(f"  residual: {proof.residual}", style="red", markup=False)
     _leave({"proofs": list(proofs)}, "symbolic", arguments.json, console)
     return 0 if all(proof.holds for proof in proofs) else 1
+
+
+def _sig_pow(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
+    with progress.status("interval arithmetic"):
+        verdicts = [verdict(*kernel, arguments.exhaustive) for kernel in shipped()]
+    if not arguments.json:
+        for found in verdicts:
+            console.print(f"{found.function} of {', '.join(found.controllers)}", markup=False)
+            for s in found.statements:
+                word = s.evidence.value if s.holds else f"NOT {s.evidence.value}"
+                colour = "green" if s.holds else "red"
+                console.print(f"  [{colour}]{word:10}[/{colour}]  {escape(s.says)}")
+                console.print(f"              {s.bound}", style="dim", markup=False)
+    holds = all(found.holds for found in verdicts)
+    _leave({"holds": holds, "kernels": verdicts}, "sig_pow", arguments.json, console)
+    return 0 if holds else 1
 
 
 def _controllers(names: Sequence[str]) -> list[Controller]:
@@ -266,6 +285,14 @@ def _parser() -> argparse.ArgumentParser:
     )
     with_json(linked)
 
+    says = "the error of sig_pow for every float and every exponent, proved and checked"
+    kernel = command("sig-pow", _sig_pow, says)
+    kernel.add_argument(
+        "--exhaustive",
+        action="store_true",
+        help="also run the compiled integer halves at every argument",
+    )
+    with_json(kernel)
     with_json(command("experiments", _experiments, "Table II and more, flown on the plant"))
     with_json(command("symbolic", _symbolic, "the proofs in computer algebra"))
     return parser

@@ -160,7 +160,7 @@ BAD_GAINS = [
     ("torque_limit_Nm", 0.0),
     ("torque_limit_Nm", math.nan),
     ("max_displacement", 0),
-    ("max_displacement", 2**30 + 1),
+    ("max_displacement", 2**30),
 ]
 
 
@@ -314,15 +314,15 @@ def test_a_torque_at_its_limit_is_not_cut_and_one_beyond_is(
 def test_the_widest_limit_of_the_displacement_is_no_jump(
     puma3: GeneratedController, sign: int
 ) -> None:
-    """Sums of the limit and the displacement reach 2^31 there."""
+    """Sums of the limit and the displacement reach 2^31 - 2 there."""
     for joint in puma3.config.joint:
-        joint.max_displacement = 2**30
+        joint.max_displacement = 2**30 - 1
         joint.torque_limit_Nm = 3e38
     start(puma3)
-    assert step(puma3, [sign * 2**30] * N)[1] == OK
+    assert step(puma3, [sign * (2**30 - 1)] * N)[1] == OK
     assert step(puma3, [_wrap(sign * (2**31 + 1))] * N)[1] == ENCODER_JUMP
     assert step(puma3, [_wrap(sign * 2**30 - 2**31)] * N)[1] == ENCODER_JUMP
-    assert step(puma3, [_wrap(sign * 2**31)] * N)[1] == OK
+    assert step(puma3, [_wrap(sign * (2**31 - 2))] * N)[1] == OK
 
 
 @pytest.mark.parametrize("sign", [1, -1])

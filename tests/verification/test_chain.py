@@ -208,12 +208,13 @@ HOST_MUTANTS = {
     "at the limit is saturated": (
         "tdc_puma3.c",
         "if ((tdc_beyond(gains->torque_limit_Nm, control_torque) >> 31u) != 0u) {",
-        "if (((tdc_beyond(gains->torque_limit_Nm, control_torque) - 1u) >> 31u) != 0u) {",
+        "if ((control_torque >= gains->torque_limit_Nm) ||"
+        " ((tdc_beyond(gains->torque_limit_Nm, control_torque) >> 31u) != 0u)) {",
     ),
     "one beyond the limit is not looked at": (
         "tdc.h",
-        "return tdc_bits(limit) - ",
-        "return (tdc_bits(limit) + 1u) - ",
+        "return tdc_bits(limit) - (tdc_bits(x) & 0x7FFFFFFFu);",
+        "return (tdc_bits(limit) + 1u) - (tdc_bits(x) & 0x7FFFFFFFu);",
     ),
     "jump forwards not looked for": (
         "tdc_puma3.c",

@@ -187,20 +187,20 @@ MUTANTS = {
         "tdc_in_order((unusual & 0u) | ",
     ),
     "jump not looked for": (
-        "return jump | tdc_beyond(",
-        "return (jump & 0u) | tdc_beyond(",
+        "return jump | tdc_beyond",
+        "return (jump & 0u) | tdc_beyond",
     ),
     "limit looked at on one side": (
-        "return jump | tdc_beyond(gains->torque_limit_Nm, control_torque);",
-        "return jump | (tdc_bits(gains->torque_limit_Nm) - tdc_bits(control_torque));",
+        "tdc_beyond(gains->torque_limit_Nm, control_torque);",
+        "(tdc_bits(gains->torque_limit_Nm) - tdc_bits(control_torque));",
     ),
     "limit of the last joint not looked at": (
-        "return jump | tdc_beyond(",
-        "return (i == (TDC_PUMA3_JOINTS - 1u)) ? jump : jump | tdc_beyond(",
+        "return jump | tdc_beyond",
+        "return (i == (TDC_PUMA3_JOINTS - 1u)) ? jump : jump | tdc_beyond",
     ),
     "last joint not settled": (
-        "i < TDC_PUMA3_JOINTS; ++i) { const tdc_puma3_joint_config *const gains",
-        "i < (TDC_PUMA3_JOINTS - 1u); ++i) { const tdc_puma3_joint_config *const gains",
+        "uint32_t finite = 1u; for (uint32_t i = 0u; i < TDC_PUMA3_JOINTS; ++i) {",
+        "uint32_t finite = 1u; for (uint32_t i = 0u; i < (TDC_PUMA3_JOINTS - 1u); ++i) {",
     ),
     "index not flipped": (
         "state->phase = TDC_PHASE_RUNNING + next;",
