@@ -325,6 +325,18 @@ def test_the_widest_limit_of_the_displacement_is_no_jump(
     assert step(puma3, [_wrap(sign * (2**31 - 2))] * N)[1] == OK
 
 
+@pytest.mark.xfail(strict=True, reason="only the torque is looked at, not the next integral")
+def test_no_infinity_gets_into_the_memory(puma3: GeneratedController) -> None:
+    """The integral overflows while the torque does not; every later tick would fail."""
+    gains, largest = puma3.config.joint[0], float(np.finfo(np.float32).max)
+    gains.inertia_kgm2, gains.kd, gains.kp = 1e-38, 0.0, 3e38
+    assert puma3.check_config() == OK
+    start(puma3)
+    _, status = step(puma3, [0] * N, reference_q8=[2 * 10**7, 0, 0], velocity=[-largest, 0.0, 0.0])
+    assert math.isfinite(puma3.last_memory[0].sliding_integral_rad_per_s)
+    assert status == NOT_FINITE
+
+
 @pytest.mark.parametrize("sign", [1, -1])
 def test_the_largest_plausible_displacement_is_no_jump(
     puma3: GeneratedController, sign: int

@@ -267,6 +267,14 @@ def test_a_mistake_at_an_edge_is_caught(mutant: str, tmp_path: Path) -> None:
     assert not double_to_host(library, modelled(library, vectors), host, vectors).holds
 
 
+def test_an_unchanged_copy_is_not_caught(tmp_path: Path) -> None:
+    library = library_of("puma3")
+    same = "state->phase = TDC_PHASE_START;"
+    host = Host(library, mutated("tdc_puma3.c", same, same, tmp_path / "puma3"))
+    vectors = recorded(library, 2)
+    assert double_to_host(library, modelled(library, vectors), host, vectors).holds
+
+
 # --- Link 3 ------------------------------------------------------------------------------------
 
 
