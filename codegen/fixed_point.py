@@ -120,8 +120,8 @@ def formats(controller: Controller) -> Formats:
         controller.name,
         [
             Problem(
-                'arithmetic = "fixed-point"',
-                f"joint {joint.name}",
+                "arithmetic",
+                f'"fixed-point" (joint {joint.name})',
                 f"every quantity of the law fits into 32 bits; in the coarsest units {overflow}",
                 _REMEDIES.get(overflow.quantity, "lower the gains of this joint, or its speed"),
             )
