@@ -22,6 +22,7 @@ from plant.closed_loop import ControllerError, PlantError
 from plant.controller import LayoutError
 from plant.native import BUILD, CompilerError
 from plant.robot import RobotError
+from verification.accuracy import ARITHMETICS, PHASES, measure
 from verification.certificates.sig_pow.kernel import KernelError
 from verification.certificates.sig_pow.present import shipped, verdict
 from verification.chain.links import BLOCK_STEPS, blocks_of, chain
@@ -37,6 +38,7 @@ from verification.experiments import (
     rank_correlation,
 )
 from verification.firmware import ToolError, board_names, load_board
+from verification.paper import table_2
 from verification.report.content import Results
 from verification.report.page import write
 from verification.report.processor import found
@@ -208,6 +210,38 @@ def _experiments(arguments: argparse.Namespace, console: Console, progress: Cons
     return 0
 
 
+def _accuracy(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
+    total = len(table_2()) * len(ARITHMETICS) * arguments.phases
+    with _bar(progress, "closed loops", total) as advance:
+        result = measure(phases=arguments.phases, advance=advance)
+    if not arguments.json:
+        table = Table("row", *ARITHMETICS.values())
+        table.caption = (
+            f"RMS in deg, joints 1 2 3; mean over {result.phases} encoder phases; difference from "
+            "float64 in per cent"
+        )
+        for row in table_2():
+            cells = [cell for cell in result.cells if cell.row == row]
+            table.add_row(
+                row,
+                *(
+                    "\n".join(
+                        f"{rms:.5f} {100 * off:+.1f}"
+                        for rms, off in zip(cell.rms_deg, cell.difference, strict=True)
+                    )
+                    for cell in cells
+                ),
+            )
+        console.print(table)
+        for name, says in ARITHMETICS.items():
+            console.print(
+                f"{says}: {result.mean_difference[name]:+.2%} from float64 over all cells, at most "
+                f"{result.largest_difference[name]:.2%} in one"
+            )
+    _leave(plain(result), "accuracy", arguments.json, console)
+    return 0
+
+
 def _report(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
     controllers = _controllers(NAMES)
     proofs = _proofs(progress)
@@ -284,6 +318,13 @@ def _parser() -> argparse.ArgumentParser:
         "--controller", action="append", metavar="NAME", help="of controllers/; again for more"
     )
     with_json(linked)
+
+    says = "Table II flown in float32, float64 and fixed-point, several times each"
+    accuracy = command("accuracy", _accuracy, says)
+    accuracy.add_argument(
+        "--phases", type=int, default=PHASES, help="encoder phases (default: %(default)s)"
+    )
+    with_json(accuracy)
 
     says = "the error of sig_pow for every float and every exponent, proved and checked"
     kernel = command("sig-pow", _sig_pow, says)
