@@ -24,11 +24,11 @@ from plant.native import BUILD, CompilerError
 from plant.robot import RobotError
 from verification.accuracy import ARITHMETICS, PHASES, measure
 from verification.certificates.sig_pow.kernel import KernelError
-from verification.certificates.sig_pow.present import shipped, verdict
+from verification.certificates.sig_pow.present import Verdict, shipped, verdict
 from verification.chain.links import BLOCK_STEPS, blocks_of, chain
 from verification.chain.present import failures, notes, table_of
 from verification.equivalence import check_all, summary, variants
-from verification.evidence import RESULTS, plain, write_json
+from verification.evidence import RESULTS, current_json, plain, write_json
 from verification.experiments import (
     ALL,
     CONTROLLERS,
@@ -114,9 +114,13 @@ def _symbolic(arguments: argparse.Namespace, console: Console, progress: Console
     return 0 if all(proof.holds for proof in proofs) else 1
 
 
-def _sig_pow(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
+def _kernels(progress: Console, exhaustive: bool = False) -> list[Verdict]:
     with progress.status("interval arithmetic"):
-        verdicts = [verdict(*kernel, arguments.exhaustive) for kernel in shipped()]
+        return [verdict(*kernel, exhaustive) for kernel in shipped()]
+
+
+def _sig_pow(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
+    verdicts = _kernels(progress, arguments.exhaustive)
     if not arguments.json:
         for found in verdicts:
             console.print(f"{found.function} of {', '.join(found.controllers)}", markup=False)
@@ -245,6 +249,7 @@ def _accuracy(arguments: argparse.Namespace, console: Console, progress: Console
 def _report(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
     controllers = _controllers(NAMES)
     proofs = _proofs(progress)
+    kernels = _kernels(progress)
     with _bar(progress, "closed loops", len(ALL)) as advance:
         outcomes = conduct_all(advance=lambda _: advance(1))
     total = sum(len(variants(c)) for c in controllers) * arguments.steps
@@ -252,10 +257,23 @@ def _report(arguments: argparse.Namespace, console: Console, progress: Console) 
         equivalence = check_all(controllers, arguments.steps, advance)
     with progress.status("pictures"):
         page = write(
-            Results(outcomes, equivalence, proofs, arguments.steps, found()), arguments.output
+            Results(
+                outcomes,
+                equivalence,
+                proofs,
+                arguments.steps,
+                found(),
+                kernels,
+                current_json(RESULTS / "accuracy.json"),
+            ),
+            arguments.output,
         )
     console.print(f"report: {_shown(page)}")
-    good = all(p.holds for p in proofs) and all(r.holds for e in equivalence.values() for r in e)
+    good = (
+        all(p.holds for p in proofs)
+        and all(k.holds for k in kernels)
+        and all(r.holds for e in equivalence.values() for r in e)
+    )
     if not good:
         console.print("Some checks failed; the report says which.", style="red")
     return 0 if good else 1
