@@ -270,7 +270,16 @@ def _one_step(c: GeneratedController, rng: np.random.Generator) -> float:
             )
             + 2.0 * torque_unit
         )
-        got = c.last_memory[i].applied_torque_q * torque_unit
+        now = _copied(c.last_memory[i])
+        remembered = {
+            "counts": given.counts[i],
+            "displacement": displacement[i],
+            "displacement_change": change,
+            "error_q8": position[i],
+            "reference_velocity_q": given.reference_velocity_q[i],
+        }
+        assert all(now[name] == value for name, value in remembered.items() if name in now)
+        got = now["applied_torque_q"] * torque_unit
         worst = max(worst, abs(got - values["limited_torque"]) / bound)
         integral = c.last_memory[i].sliding_integral_q * unit * per_count
         clamp = SLIDING_INTEGRAL_MAX * unit * abs(per_count)
