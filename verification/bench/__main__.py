@@ -49,7 +49,7 @@ def _print(result: Result, console: Console) -> None:
         console.print(each)
         console.print()
     console.print("""mean: instructions per step over a recorded motion, call and return included
-fewest - most: of all ticks, special cases and random bits as well
+worst: the longest of all ticks: the first, at a limit, an error, or random bits
 ratio: mean over that of this project's step
 estimated cycles: mean, by Arm's tables of cycles and memory without wait states; not measured
 flash: bytes that a program grows by, what it needs of the C library included

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from rich import box
 from rich.table import Table
 
+from verification.bench.recording import Outcome
 from verification.bench.rows import Row
 from verification.bench.variants import LINEAR_FLOOR, PROJECT, PROJECT_LINEAR, VARIANTS
 from verification.report.style import INK, PALETTE, WIDTH_IN
@@ -62,13 +63,13 @@ def _narrow(title: str) -> Table:
 def _table(core: str, joints: int, rows: Sequence[Row]) -> Table:
     made = _narrow(f"{core}, n = {joints}")
     made.add_column("variant", no_wrap=True)
-    for heading in ("mean", "fewest - most", "ratio", "estimated\ncycles", "flash", "stack"):
+    for heading in ("mean", "worst", "ratio", "estimated\ncycles", "flash", "stack"):
         made.add_column(heading, justify="right", no_wrap=True)
     for row in rows:
         made.add_row(
             _TITLES[row.variant],
             _thousands(row.instructions_per_step),
-            f"{_thousands(row.fewest_instructions)} - {_thousands(row.worst_instructions)}",
+            _thousands(row.worst_instructions),
             f"{row.times_the_project:.3g}",
             _estimate(row.estimated_cycles),
             _thousands(row.flash_bytes),
@@ -88,7 +89,7 @@ def cases(rows: Sequence[Row], joints: int) -> Table:
     made.add_row("recorded motion, mean", *(_thousands(r.instructions_per_step) for r in chosen))
     made.add_row("recorded motion, most", *(_thousands(r.instructions_max) for r in chosen))
     for same in zip(*(row.special_cases for row in chosen), strict=True):
-        name = same[0].name + (" (error)" if same[0].fails else "")
+        name = same[0].name + (" (error)" if same[0].outcome is Outcome.ERROR else "")
         made.add_row(name, *(_thousands(case.instructions) for case in same))
     made.add_row("random bits, most", *(_thousands(r.random_bits_instructions) for r in chosen))
     return made
