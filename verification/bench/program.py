@@ -224,7 +224,7 @@ def require_tools(board: Board) -> None:
         ToolError: something isn't; the message names the Debian package.
     """
     library_version(board)
-    for name in ("size", "nm"):
+    for name in ("size", "nm", "addr2line"):
         _binutil(board, name)
     tool(board.emulator[0], board.emulator_package)
 
@@ -249,7 +249,8 @@ def _gcc(board: Board, prepared: Prepared) -> list[str]:
         *(f"-I{folder}" for folder in folders),
         f"-DCONTROLLER={name}",
         f"-DCONTROLLER_UPPER={name.upper()}",
-        f"-DBENCH_TORQUE={prepared.controller.arithmetic.torque}",
+        f"-DBENCH_TORQUE={prepared.numbers}",
+        "-g",  # changes no instruction, and tells from which function each one comes
     ]
 
 

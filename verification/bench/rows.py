@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 import os
 import tempfile
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from plant.native import BUILD
-from verification.bench import cycles
+from verification.bench import cycles, parts
 from verification.bench.count import Replay, emulator_version, replay
 from verification.bench.program import (
     Data,
@@ -43,10 +44,12 @@ from verification.bench.variants import (
     NAIVE_DOUBLE,
     PROJECT,
     PROJECT_LINEAR,
+    TARGET,
     VARIANTS,
     WITH_POWERS,
     Variant,
 )
+from verification.disassembly import Program as Code
 from verification.disassembly import disassemble
 from verification.evidence import Evidence, current_json, write_json
 from verification.firmware import Board, board_names, load_board
@@ -102,6 +105,8 @@ class Row:
         times_the_project: instructions_per_step over those of this project's step.
         estimated_cycles: mean over the recorded motion, by Arm's tables and not measured (see
             :mod:`verification.bench.cycles`); None for a core without a table.
+        parts: instructions_per_step by what they are for (see :mod:`verification.bench.parts`);
+            empty but for this project's step.
     """
 
     variant: str
@@ -125,6 +130,7 @@ class Row:
     torque_difference_Nm: float
     times_the_project: float
     estimated_cycles: float | None = None
+    parts: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -277,14 +283,13 @@ def _measure_board(
     commons: dict[str, Harness] = {}
     replays: dict[str, Replay] = {}
     rows: list[Row] = []
-    recorded = TICKS if board.core in cycles.CORES else 0
     for each in prepared:
         if each.variant.fits(board):
             given = inputs[each.numbers]
             if each.numbers not in commons:
                 commons[each.numbers] = harness(board, each, given.data, directory)
             program = build(board, each, commons[each.numbers], directory)
-            found = replay(program, counter, given.data.ticks, recorded)
+            found = replay(program, counter, given.data.ticks, TICKS)
             replays[each.variant.name] = found
             rows.append(_row(program, found, given.sequences))
         advance()
@@ -316,6 +321,9 @@ def _row(program: Program, found: Replay, sequences: tuple[Replayed, ...]) -> Ro
         else:
             cases.append(Case(sequence.name, sequence.outcome, last))
     worst = max(counts)
+    code = disassemble(program.board, program.elf)
+    executed = _executed(program, code, found, sum(recorded))
+    core = cycles.CORES.get(program.board.core)
     return Row(
         variant=program.prepared.variant.name,
         core=program.board.core,
@@ -337,25 +345,37 @@ def _row(program: Program, found: Replay, sequences: tuple[Replayed, ...]) -> Ro
         disagreements=found.disagreements,
         torque_difference_Nm=0.0,
         times_the_project=1.0,
-        estimated_cycles=_estimated_cycles(program, found, sum(recorded)) / len(recorded)
-        if found.runs
-        else None,
+        estimated_cycles=None
+        if core is None
+        else cycles.estimate(core, code, found.runs) / len(recorded),
+        parts=_parts(program, executed, len(recorded)),
     )
 
 
-def _estimated_cycles(program: Program, found: Replay, instructions: int) -> float:
-    """Of all recorded ticks together.
+def _executed(program: Program, code: Code, found: Replay, instructions: int) -> Counter[int]:
+    """How often each instruction was executed in the recorded ticks, by its address.
 
     Raises:
         BenchError: what was recorded are not the instructions that were counted.
     """
-    code = disassemble(program.board, program.elf)
-    executed = cycles.transitions(code, found.runs).total()
-    if executed != instructions:
+    executed: Counter[int] = Counter()
+    for (address, _), count in cycles.transitions(code, found.runs).items():
+        executed[address] += count
+    if executed.total() != instructions:
         raise BenchError(
-            f"{program.elf}: {executed} instructions were recorded, {instructions} counted"
+            f"{program.elf}: {executed.total()} instructions were recorded, {instructions} counted"
         )
-    return cycles.estimate(cycles.CORES[program.board.core], code, found.runs)
+    return executed
+
+
+def _parts(program: Program, executed: Mapping[int, int], ticks: int) -> dict[str, float]:
+    """Instructions of a recorded tick by what they are for, in this project's step."""
+    prepared = program.prepared
+    if prepared.variant.name not in {variant.name for variant in WITH_POWERS}:
+        return {}
+    own = {path.name for folder in (prepared.generated, TARGET) for path in folder.iterdir()}
+    found = parts.parts(program.board, program.elf, own, executed)
+    return {part: count / ticks for part, count in found.items()}
 
 
 def _difference(row: Row, replays: dict[str, Replay]) -> float:
