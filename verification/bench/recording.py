@@ -13,6 +13,7 @@ import ctypes
 import functools
 import math
 import struct
+import sys
 from dataclasses import dataclass, replace
 from enum import Enum
 from random import Random
@@ -216,6 +217,11 @@ class _Cases:
         """With these reference accelerations, or one for all joints [rad/s^2]."""
         return self.case(name, replace(self.usual, acceleration=self._each(values)), outcome)
 
+    def overflow(self, name: str, largest: float) -> Replayed:
+        """With the largest number as velocity and acceleration: the two terms overflow."""
+        each = self._each((largest,))
+        return self.case(name, replace(self.usual, velocity=each, acceleration=each), Outcome.ERROR)
+
     def _each(self, values: tuple[float, ...]) -> tuple[float, ...]:
         return values * (self.joints // len(values))
 
@@ -246,6 +252,7 @@ def _in_floats(make: _Cases) -> tuple[Replayed, ...]:
     """What only floating-point numbers can be."""
     double = make.controller.arithmetic.real is FLOAT64
     smallest, normal = (2.0**-1074, 2.0**-1022) if double else (2.0**-149, 2.0**-126)
+    largest = sys.float_info.max if double else (2.0 - 2.0**-23) * 2.0**127
     limit, error = Outcome.LIMIT, Outcome.ERROR
     return (
         make.still("smallest subnormal velocity error", smallest),
@@ -255,7 +262,7 @@ def _in_floats(make: _Cases) -> tuple[Replayed, ...]:
         make.acceleration("saturated, negative", limit, -1e6),
         make.acceleration("acceleration of 1e38 rad/s^2", limit, 1e38),
         make.velocity("velocity of 1e30 rad/s", limit, 1e30),
-        make.velocity("torque overflows", error, 1.7e308 if double else 3.4e38),
+        make.overflow("torque overflows", largest),
         make.velocity("velocity infinite", error, math.inf),
         make.velocity("velocity NaN", error, math.nan),
         make.acceleration("acceleration infinite", error, -math.inf),
@@ -270,7 +277,7 @@ def _in_integers(make: _Cases) -> tuple[Replayed, ...]:
     assert unit is not None
     return (
         make.still("smallest velocity error", *map(float, 1.0 / np.abs(unit))),
-        make.velocity("largest plausible velocity", Outcome.LIMIT, *fastest),
+        make.velocity("largest plausible velocity", Outcome.USUAL, *fastest),
         make.acceleration("saturated", Outcome.LIMIT, *hardest),
         make.acceleration("saturated, negative", Outcome.LIMIT, *(-a for a in hardest)),
         make.velocity("largest velocity", Outcome.ERROR, math.inf),
@@ -342,13 +349,16 @@ def random_cases(recorded: Replayed, controller: Controller) -> tuple[Replayed, 
 def _random_floats(
     random: Random, controller: Controller
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Velocities and accelerations of random bits."""
+    """Velocities and accelerations of random bits; one in 32 is infinite or NaN."""
     form, size = ("<d", 8) if controller.arithmetic.real is FLOAT64 else ("<f", 4)
 
+    def one() -> float:
+        if random.randrange(32) == 0:
+            return random.choice((math.inf, -math.inf, math.nan))
+        return float(struct.unpack(form, random.randbytes(size))[0])
+
     def each() -> tuple[float, ...]:
-        return tuple(
-            float(struct.unpack(form, random.randbytes(size))[0]) for _ in controller.joints
-        )
+        return tuple(one() for _ in controller.joints)
 
     return each(), each()
 
