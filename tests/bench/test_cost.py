@@ -289,3 +289,33 @@ def test_the_page_agrees_with_a_fresh_measurement(result: Result) -> None:
 def test_stale_figures_are_noticed(old: str, new: str, close: bool) -> None:
     assert NUMBER.fullmatch(old)
     assert agrees(old, new) == close
+
+
+# --- The README ----------------------------------------------------------------------------------
+
+README_ROWS = {
+    "CasADi's own C": NAIVE_DOUBLE,
+    "the same in float with `powf`": CASADI_POWF,
+    "this project, float": PROJECT,
+    'this project, `accuracy = "precise"`': PROJECT_PRECISE,
+    'this project, `precision = "float64"`': PROJECT_FLOAT64,
+    'this project, `arithmetic = "fixed-point"`': PROJECT_FIXED,
+    "a linear law in float, by hand": LINEAR_FLOOR,
+}
+
+
+def test_the_readme_agrees_with_a_fresh_measurement(result: Result) -> None:
+    text = (PAGE.parents[1] / "README.md").read_text(encoding="utf-8")
+    if not all("gcc 12.2" in each.compiler for each in result.conditions):
+        pytest.skip("the README's figures are of GCC 12.2")
+    table = [line.strip("|") for line in text.splitlines() if line.startswith("| ")]
+    lines = [[cell.strip() for cell in line.split("|")] for line in table]
+    heads = next(cells for cells in lines if cells[0].startswith("instructions a tick"))
+    shown = {cells[0]: cells for cells in lines if cells[0] in README_ROWS}
+    assert set(shown) == set(README_ROWS)
+    for label, variant in README_ROWS.items():
+        for core, cell in zip(heads[1:], shown[label][1:], strict=True):
+            if cell:
+                number = float(re.sub(r"[ *]|\(.*", "", cell))
+                row = row_of(result.rows, variant, core, JOINTS)
+                assert number == pytest.approx(row.instructions_per_step, rel=CLOSE), (label, core)

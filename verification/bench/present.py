@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 from rich import box
 from rich.table import Table
 
@@ -23,6 +24,8 @@ _COLOURS = {
 }
 _OTHERS = PALETTE[1]
 _BAR = 0.38
+_LIGHT = 0.55
+"""Opacity of the bars for more than the fewest joints."""
 
 
 def thousands(value: float) -> str:
@@ -97,12 +100,12 @@ def cases(rows: Sequence[Row], joints: int) -> Table:
 def chart(rows: Sequence[Row]) -> Figure:
     """Instructions per step as bars, logarithmic: a panel a core, a bar for each number of joints.
 
-    The thin line on a bar goes from the shortest to the longest of all ticks, special cases
-    included: where it is long, the step's time depends on the data.
+    The thin line on a bar goes from the shortest usual tick to the longest of all: where it is
+    long, the step's time depends on the data.
     """
     cores = _cores(rows)
     shown = [_shown([row for row in rows if row.core == core]) for core in cores]
-    height = 0.5 + sum(0.45 + 0.36 * len(variants) for variants in shown)
+    height = 0.8 + sum(0.45 + 0.29 * len(variants) for variants in shown)
     figure = Figure(figsize=(WIDTH_IN, height), layout="constrained")
     ratios = [1.25 + len(variants) for variants in shown]
     panels = figure.subplots(
@@ -112,11 +115,23 @@ def chart(rows: Sequence[Row]) -> Figure:
         _panel(axes, [row for row in rows if row.core == core], variants)
         axes.set_title(core)
     panels[-1].set_xlabel("instructions per step")
-    least = min(row.fewest_instructions for row in rows)
+    panels[0].legend(
+        handles=_legend(rows), loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False
+    )
+    least = min(row.usual_fewest for row in rows)
     most = max(row.worst_instructions for row in rows)
     # A logarithmic axis has no zero; on the right, room for the numbers behind the longest bars.
-    panels[-1].set_xlim(left=10.0 ** math.floor(math.log10(least)), right=most * 20)
+    panels[-1].set_xlim(left=10.0 ** math.floor(math.log10(least)), right=most * 8)
     return figure
+
+
+def _legend(rows: Sequence[Row]) -> list[Patch]:
+    """What dark and light bars stand for."""
+    joints = sorted({row.joints for row in rows})
+    return [
+        Patch(color=PALETTE[0], alpha=1.0 if n == joints[0] else _LIGHT, label=f"n = {n}")
+        for n in joints
+    ]
 
 
 def _shown(rows: Sequence[Row]) -> list[str]:
@@ -129,17 +144,19 @@ def _panel(axes: Axes, rows: Sequence[Row], variants: Sequence[str]) -> None:
     for row in rows:
         place = variants.index(row.variant) + (joints.index(row.joints) - 0.5) * _BAR
         colour = _COLOURS.get(row.variant, _OTHERS)
-        light = 1.0 if row.joints == joints[0] else 0.55
+        light = 1.0 if row.joints == joints[0] else _LIGHT
         axes.barh(place, row.instructions_per_step, _BAR, color=colour, alpha=light)
-        ends = [row.fewest_instructions, row.worst_instructions]
+        ends = [row.usual_fewest, row.worst_instructions]
         axes.plot(ends, [place, place], color=INK, linewidth=0.8)
         axes.annotate(
-            f"{thousands(row.instructions_per_step)}  (n = {row.joints})",
+            thousands(row.instructions_per_step),
             (max(row.instructions_per_step, row.worst_instructions), place),
             xytext=(4, 0),
             textcoords="offset points",
             verticalalignment="center",
             fontsize=7.5,
+            # The grid's lines would cross the numbers.
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.2},
         )
     axes.set_xscale("log")
     axes.set_yticks(range(len(variants)), [TITLES[name] for name in variants])
