@@ -18,13 +18,11 @@ from typing import Any, Literal
 from pydantic_core import PydanticCustomError
 
 from codegen.arithmetic import Arithmetic
-from codegen.exact import FINITE_TIME, as_list, rational
+from codegen.exact import DISPLACEMENT_MAX, FINITE_TIME, as_list, rational
 from codegen.law import LawOptions
 from codegen.presets import LAW_PRESETS, ROBOT_PRESETS, LawPreset
 from codegen.problems import Problem, SpecificationError, nearest, show
 from codegen.specification import Specification, validate
-
-_MAX_DISPLACEMENT = 2**30
 
 
 @dataclass(frozen=True)
@@ -282,9 +280,7 @@ def _controller(specification: Specification) -> tuple[Controller, list[Problem]
 
 def _arithmetic(specification: Specification, problems: list[Problem]) -> Arithmetic:
     """What the C computes with, and which choices don't go together."""
-    asked = Arithmetic(
-        specification.arithmetic, specification.precision, specification.accuracy
-    )
+    asked = Arithmetic(specification.arithmetic, specification.precision, specification.accuracy)
     clashes = {
         "precision": asked.kind == "fixed-point" and asked.precision != "float32",
         "accuracy": asked.accuracy != "standard"
@@ -330,12 +326,12 @@ def _joint(name: str, row: dict[str, Any], sample_time: Fraction, problems: list
     counts_per_joint_rev = row["counts"] * row["gear"]
     counts_a_tick = row["speed"] * sample_time * abs(counts_per_joint_rev) / Fraction(2 * math.pi)
     max_displacement = math.ceil(counts_a_tick)
-    if max_displacement > _MAX_DISPLACEMENT:
+    if max_displacement > DISPLACEMENT_MAX:
         problems.append(
             Problem(
                 "safety.max_speed_rad_per_s",
                 str(row["speed"]),
-                f"at most 2^30 counts a tick, so that counts may wrap; here {max_displacement}",
+                f"less than 2^30 counts a tick, so that counts may wrap; here {max_displacement}",
                 "check counts_per_rev, gear_ratio and the unit of the speed",
             )
         )

@@ -16,6 +16,9 @@ from pydantic import AfterValidator, BeforeValidator, WithJsonSchema
 from codegen.problems import broken, show
 
 FINITE_TIME = "finite-time"
+DISPLACEMENT_MAX = 2**30 - 1
+"""Counts in a tick: so that a limit and what lies within it add up to less than 2^31."""
+
 EXPONENT_MAX = Fraction(2)
 """Exponents lie below 2: sig_pow keeps a - 1 as a signed fraction of 31 bits."""
 

@@ -9,6 +9,7 @@ from codegen import law
 from codegen.arithmetic import Real
 from codegen.c99 import Statement, print_law
 from codegen.controller import Controller, Joint
+from codegen.exact import DISPLACEMENT_MAX
 from codegen.floating_point import common_scale, floating_config_values, scale_values
 from codegen.source import ControllerSource, GenerationError
 from codegen.structs import Field, Layout, Range, Scalar
@@ -165,5 +166,5 @@ def _check(field: Field, real: Real) -> str:
     if field.range is Range.EXPONENT:
         return f"is_exponent(&{value}, 1u)"
     if field.range is Range.DISPLACEMENT:
-        return f"(({value} >= 1) && ({value} <= {2**30})) ? 1u : 0u"
+        return f"(({value} >= 1) && ({value} <= {DISPLACEMENT_MAX})) ? 1u : 0u"
     raise GenerationError(f"no check is known for {field.name}: {field.range}")

@@ -26,7 +26,7 @@ class Range(Enum):
     RATIO = "greater than 0, at most 1"
     RESTORING_EXPONENT = "greater than 0, below 2"
     EXPONENT = "0 or greater, below 2"
-    DISPLACEMENT = "1 to 2^30"
+    DISPLACEMENT = "1 to 2^30 - 1"
     FACTOR = "not 0"
     TORQUE_LIMIT = "greater than 0; with the other fields: no torque overflows"
     FIXED_DISPLACEMENT = "greater than 0; with the other fields: no motion overflows"
@@ -154,7 +154,9 @@ def _state(joint_memory: Struct, joints: int) -> Struct:
         "The controller's memory. The user owns it and leaves it alone; init fills it.",
         (
             Field("phase", Scalar.UINT32, "TDC_PHASE_START or TDC_PHASE_RUNNING after init"),
-            Field("saturated_joints", Scalar.UINT32, "bit i is set while joint i is cut to its limit"),
+            Field(
+                "saturated_joints", Scalar.UINT32, "bit i is set while joint i is cut to its limit"
+            ),
             Field("joint", joint_memory, "memory of each joint", count=joints),
         ),
     )

@@ -14,14 +14,17 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from codegen.c99 import UnprintableError
 from codegen.controller import Controller, load
-from codegen.emit import GenerationError
+from codegen.literals import UnprintableError
 from codegen.problems import SpecificationError
+from codegen.source import GenerationError
 from plant.closed_loop import ControllerError, PlantError
 from plant.controller import LayoutError
 from plant.native import BUILD, CompilerError
 from plant.robot import RobotError
+from verification.accuracy import ARITHMETICS, PHASES, measure
+from verification.certificates.sig_pow.kernel import KernelError
+from verification.certificates.sig_pow.present import shipped, verdict
 from verification.chain.links import BLOCK_STEPS, blocks_of, chain
 from verification.chain.present import failures, notes, table_of
 from verification.equivalence import check_all, summary, variants
@@ -35,6 +38,7 @@ from verification.experiments import (
     rank_correlation,
 )
 from verification.firmware import ToolError, board_names, load_board
+from verification.paper import table_2
 from verification.report.content import Results
 from verification.report.page import write
 from verification.report.processor import found
@@ -58,6 +62,7 @@ _BAD_INPUT = (
     LayoutError,
     CompilerError,
     ToolError,
+    KernelError,
     OSError,
 )
 
@@ -107,6 +112,22 @@ def _symbolic(arguments: argparse.Namespace, console: Console, progress: Console
                 console.print(f"  residual: {proof.residual}", style="red", markup=False)
     _leave({"proofs": list(proofs)}, "symbolic", arguments.json, console)
     return 0 if all(proof.holds for proof in proofs) else 1
+
+
+def _sig_pow(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
+    with progress.status("interval arithmetic"):
+        verdicts = [verdict(*kernel, arguments.exhaustive) for kernel in shipped()]
+    if not arguments.json:
+        for found in verdicts:
+            console.print(f"{found.function} of {', '.join(found.controllers)}", markup=False)
+            for s in found.statements:
+                word = s.evidence.value if s.holds else f"NOT {s.evidence.value}"
+                colour = "green" if s.holds else "red"
+                console.print(f"  [{colour}]{word:10}[/{colour}]  {escape(s.says)}")
+                console.print(f"              {s.bound}", style="dim", markup=False)
+    holds = all(found.holds for found in verdicts)
+    _leave({"holds": holds, "kernels": verdicts}, "sig_pow", arguments.json, console)
+    return 0 if holds else 1
 
 
 def _controllers(names: Sequence[str]) -> list[Controller]:
@@ -189,6 +210,38 @@ def _experiments(arguments: argparse.Namespace, console: Console, progress: Cons
     return 0
 
 
+def _accuracy(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
+    total = len(table_2()) * len(ARITHMETICS) * arguments.phases
+    with _bar(progress, "closed loops", total) as advance:
+        result = measure(phases=arguments.phases, advance=advance)
+    if not arguments.json:
+        table = Table("row", *ARITHMETICS.values())
+        table.caption = (
+            f"RMS in deg, joints 1 2 3; mean over {result.phases} encoder phases; difference from "
+            "float64 in per cent"
+        )
+        for row in table_2():
+            cells = [cell for cell in result.cells if cell.row == row]
+            table.add_row(
+                row,
+                *(
+                    "\n".join(
+                        f"{rms:.5f} {100 * off:+.1f}"
+                        for rms, off in zip(cell.rms_deg, cell.difference, strict=True)
+                    )
+                    for cell in cells
+                ),
+            )
+        console.print(table)
+        for name, says in ARITHMETICS.items():
+            console.print(
+                f"{says}: {result.mean_difference[name]:+.2%} from float64 over all cells, at most "
+                f"{result.largest_difference[name]:.2%} in one"
+            )
+    _leave(plain(result), "accuracy", arguments.json, console)
+    return 0
+
+
 def _report(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
     controllers = _controllers(NAMES)
     proofs = _proofs(progress)
@@ -266,6 +319,21 @@ def _parser() -> argparse.ArgumentParser:
     )
     with_json(linked)
 
+    says = "Table II flown in float32, float64 and fixed-point, several times each"
+    accuracy = command("accuracy", _accuracy, says)
+    accuracy.add_argument(
+        "--phases", type=int, default=PHASES, help="encoder phases (default: %(default)s)"
+    )
+    with_json(accuracy)
+
+    says = "the error of sig_pow for every float and every exponent, proved and checked"
+    kernel = command("sig-pow", _sig_pow, says)
+    kernel.add_argument(
+        "--exhaustive",
+        action="store_true",
+        help="also run the compiled integer halves at every argument",
+    )
+    with_json(kernel)
     with_json(command("experiments", _experiments, "Table II and more, flown on the plant"))
     with_json(command("symbolic", _symbolic, "the proofs in computer algebra"))
     return parser

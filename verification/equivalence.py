@@ -347,7 +347,7 @@ def outputs(cases: Cases, controller: Controller, whole: Integers, running: Flag
     # Integers beyond 2^24 are rounded when the C converts them to float.
     enclosed |= {name: _converted(enclosed[name]) for name in _FROM_INTEGERS}
 
-    kernel = tables().relative_bound
+    kernel = tables().bounds.relative
     measure, start, law = (
         measurement(controller.options),
         switch_on(),

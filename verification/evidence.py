@@ -34,7 +34,7 @@ class Evidence(Enum):
 
 
 _MEANING = {
-    Evidence.PROVED: "holds by algebra for every value of the symbols; no number was tried",
+    Evidence.PROVED: "holds for every value, by algebra or by intervals that a checker verifies",
     Evidence.EXHAUSTIVE: "every case was tried; there are no others",
     Evidence.MEASURED: "an experiment was run on the simulated plant and its result is given",
     Evidence.SAMPLED: "random cases were tried; those that were not may differ",

@@ -160,7 +160,7 @@ BAD_GAINS = [
     ("torque_limit_Nm", 0.0),
     ("torque_limit_Nm", math.nan),
     ("max_displacement", 0),
-    ("max_displacement", 2**30 + 1),
+    ("max_displacement", 2**30),
 ]
 
 
@@ -314,15 +314,30 @@ def test_a_torque_at_its_limit_is_not_cut_and_one_beyond_is(
 def test_the_widest_limit_of_the_displacement_is_no_jump(
     puma3: GeneratedController, sign: int
 ) -> None:
-    """Sums of the limit and the displacement reach 2^31 there."""
+    """Sums of the limit and the displacement reach 2^31 - 2 there."""
     for joint in puma3.config.joint:
-        joint.max_displacement = 2**30
+        joint.max_displacement = 2**30 - 1
         joint.torque_limit_Nm = 3e38
     start(puma3)
-    assert step(puma3, [sign * 2**30] * N)[1] == OK
+    assert step(puma3, [sign * (2**30 - 1)] * N)[1] == OK
     assert step(puma3, [_wrap(sign * (2**31 + 1))] * N)[1] == ENCODER_JUMP
     assert step(puma3, [_wrap(sign * 2**30 - 2**31)] * N)[1] == ENCODER_JUMP
-    assert step(puma3, [_wrap(sign * 2**31)] * N)[1] == OK
+    assert step(puma3, [_wrap(sign * (2**31 - 2))] * N)[1] == OK
+
+
+def test_an_infinite_integral_fails_every_tick_until_init(puma3: GeneratedController) -> None:
+    """Only the torque is looked at; the header says what errors of 1e30 rad do."""
+    gains, largest = puma3.config.joint[0], float(np.finfo(np.float32).max)
+    gains.inertia_kgm2, gains.kd, gains.kp = 1e-38, 0.0, 3e38
+    assert puma3.check_config() == OK
+    start(puma3)
+    _, status = step(puma3, [0] * N, reference_q8=[2 * 10**7, 0, 0], velocity=[-largest, 0.0, 0.0])
+    assert status == OK
+    assert math.isinf(puma3.last_memory[0].sliding_integral_rad_per_s)
+    for _ in range(3):
+        assert step(puma3, [0] * N)[1] == NOT_FINITE
+    start(puma3)
+    assert step(puma3, [0] * N)[1] == OK
 
 
 @pytest.mark.parametrize("sign", [1, -1])

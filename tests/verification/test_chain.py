@@ -207,23 +207,24 @@ HOST_MUTANTS = {
     ),
     "at the limit is saturated": (
         "tdc_puma3.c",
-        "if (limited_torque != control_torque) {",
-        "if ((control_torque >= gains->torque_limit_Nm) || (limited_torque != control_torque)) {",
+        "if ((tdc_beyond(gains->torque_limit_Nm, control_torque) >> 31u) != 0u) {",
+        "if ((control_torque >= gains->torque_limit_Nm) ||"
+        " ((tdc_beyond(gains->torque_limit_Nm, control_torque) >> 31u) != 0u)) {",
     ),
     "one beyond the limit is not looked at": (
-        "tdc_puma3.c",
-        "(tdc_bits(gains->torque_limit_Nm) - (tdc_bits(control_torque) & 0x7FFFFFFFu))",
-        "((tdc_bits(gains->torque_limit_Nm) + 1u) - (tdc_bits(control_torque) & 0x7FFFFFFFu))",
+        "tdc.h",
+        "return tdc_bits(limit) - (tdc_bits(x) & 0x7FFFFFFFu);",
+        "return (tdc_bits(limit) + 1u) - (tdc_bits(x) & 0x7FFFFFFFu);",
     ),
     "jump forwards not looked for": (
         "tdc_puma3.c",
-        "(max_displacement - displacement) | (max_displacement + displacement)",
-        "(max_displacement + displacement)",
+        "(limit - (uint32_t)displacement) | (limit + (uint32_t)displacement)",
+        "(limit + (uint32_t)displacement)",
     ),
     "jump backwards not looked for": (
         "tdc_puma3.c",
-        "(max_displacement - displacement) | (max_displacement + displacement)",
-        "(max_displacement - displacement)",
+        "(limit - (uint32_t)displacement) | (limit + (uint32_t)displacement)",
+        "(limit - (uint32_t)displacement)",
     ),
     "phase between start and running taken": (
         "tdc_puma3.c",
@@ -264,6 +265,14 @@ def test_a_mistake_at_an_edge_is_caught(mutant: str, tmp_path: Path) -> None:
     host = Host(library, mutated(*HOST_MUTANTS[mutant], tmp_path / "puma3"))
     vectors = recorded(library, 2)
     assert not double_to_host(library, modelled(library, vectors), host, vectors).holds
+
+
+def test_an_unchanged_copy_is_not_caught(tmp_path: Path) -> None:
+    library = library_of("puma3")
+    same = "state->phase = TDC_PHASE_START;"
+    host = Host(library, mutated("tdc_puma3.c", same, same, tmp_path / "puma3"))
+    vectors = recorded(library, 2)
+    assert double_to_host(library, modelled(library, vectors), host, vectors).holds
 
 
 # --- Link 3 ------------------------------------------------------------------------------------

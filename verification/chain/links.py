@@ -400,7 +400,7 @@ def float_range(controller: Controller, law: Outputs) -> Range:
 
         return apply
 
-    watched = {code: noted(rule) for code, rule in rules(tables().relative_bound).items()}
+    watched = {code: noted(rule) for code, rule in rules(tables().bounds.relative).items()}
     parts: tuple[LawFunction, ...] = (
         measurement(controller.options),
         torque_law(controller.options),

@@ -205,7 +205,7 @@ def _wrap_around(library: Compiled) -> Iterator[Records]:
         record["input"]["reference_position_q8"] = wrap(wrap(now * 256) + error)
         # As the limit ships, and as wide as it may be set.
         yield record.copy()
-        record["config"]["joint"]["max_displacement"] = 2**30
+        record["config"]["joint"]["max_displacement"] = 2**30 - 1
         record["config"]["joint"]["torque_limit_Nm"] = FLOAT_MAX
         yield record
 

@@ -56,7 +56,11 @@ static void clear_scratch(controller_state *const state)
 /* Whether no step was taken, so that the state must be as it was in every bit. */
 static bool is_refused(const step_result *const result)
 {
-    return (result->status == TDC_BAD_ARGUMENT) || (result->status == TDC_NOT_INITIALISED);
+    bool refused = false;
+    if ((result->status == TDC_BAD_ARGUMENT) || (result->status == TDC_NOT_INITIALISED)) {
+        refused = true;
+    }
+    return refused;
 }
 
 void step_take(const step_case *const step, step_result *const result)
