@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from plant.native import GENERATED
 from verification.bench.page import PAGE, page
 from verification.bench.parts import Part
 from verification.bench.present import cases, chart, tables
@@ -278,6 +279,24 @@ def test_the_page_agrees_with_a_fresh_measurement(result: Result) -> None:
     assert old_text == new_text, hint
     wrong = [pair for pair in zip(old_numbers, new_numbers, strict=True) if not agrees(*pair)]
     assert not wrong, hint
+
+
+@pytest.mark.parametrize(
+    ("label", "header"),
+    [
+        ("float", "puma3/tdc_sig_pow.h"),
+        ("float, precise", "puma3_precise/tdc_sig_pow_precise.h"),
+        ("float64", "puma3_float64/tdc_sig_pow64.h"),
+        ("fixed-point", "puma3_fixed/tdc_fixed.h"),
+    ],
+)
+def test_bounds_on_the_page_are_those_of_the_headers(label: str, header: str) -> None:
+    lines = PAGE.read_text(encoding="utf-8").splitlines()
+    cell = next(line for line in lines if line.startswith(f"| {label} |")).split("|")[2]
+    text = (GENERATED / header).read_text(encoding="utf-8")
+    bounds = re.findall(r"[\d.]+ ulp|2\^-[\d.]+|half a unit", cell)
+    assert bounds
+    assert all(bound in text for bound in bounds), cell
 
 
 @pytest.mark.parametrize(

@@ -48,6 +48,9 @@ def page(result: Result) -> str:
             ratio=lambda variant, core: (
                 row_of(rows, _BY_NAME[variant], core, JOINTS[0]).times_the_project
             ),
+            share=lambda variant, core, part: _share(
+                row_of(rows, _BY_NAME[variant], core, JOINTS[0]), part
+            ),
             worst_relative=max(spread.worst_relative for spread in result.spreads),
         )
     )
@@ -107,6 +110,11 @@ def _shares(rows: Sequence[Row]) -> list[tuple[str, ...]]:
         for variant in WITH_POWERS
         for row in _of(rows, variant)[:1]
     ]
+
+
+def _share(row: Row, part: str) -> float:
+    """Of a part in a mean tick [%]."""
+    return 100.0 * row.parts[part] / row.instructions_per_step
 
 
 def _of(rows: Sequence[Row], variant: Variant) -> list[Row]:
