@@ -199,11 +199,15 @@ def _bits(processor: Processor) -> tuple[KeyFigure, ...]:
     )
 
 
+_HEADLINE_CORE = "Cortex-M4F"
+"""The smallest core with an FPU, which the default numbers are for."""
+
+
 def _cost(processor: Processor) -> tuple[KeyFigure, ...]:
-    """Instructions of a tick on the first core against CasADi's own C, where it was measured."""
+    """Instructions of a tick on one core against CasADi's own C, where it was measured."""
     if processor.cost is None:
         return ()
-    core, joints = processor.cost.rows[0].core, processor.cost.rows[0].joints
+    core, joints = _HEADLINE_CORE, processor.cost.rows[0].joints
     rows = {
         row.variant: row for row in processor.cost.rows if (row.core, row.joints) == (core, joints)
     }
