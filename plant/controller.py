@@ -92,6 +92,10 @@ class GeneratedController:
         controller: the specification that the C was generated from.
         library: the compiled C; generated and compiled if not given.
 
+    Attributes:
+        types: its structures.
+        units: what its numbers mean.
+
     Raises:
         LayoutError: the library holds another specification's controller.
     """
@@ -99,19 +103,19 @@ class GeneratedController:
     def __init__(self, controller: Controller, library: Path | None = None) -> None:
         self.specification = controller
         self._library = ctypes.CDLL(str(library or shared_library(sources_of(controller))))
-        self._types = structures(controller)
+        self.types = structures(controller)
         prefix = f"tdc_{controller.name}"
         try:
             self._init = self._library[f"{prefix}_init"]
             self._step = self._library[f"{prefix}_step"]
             self._check_config = self._library[f"{prefix}_check_config"]
-            default = self._types.config.in_dll(self._library, f"{prefix}_default_config")
+            default = self.types.config.in_dll(self._library, f"{prefix}_default_config")
         except (AttributeError, ValueError) as error:
             raise LayoutError(f"{library}: no controller {controller.name} in it") from error
-        self.config = self._types.config.from_buffer_copy(default)
-        self.state = self._types.state()
-        self.input = self._types.input()
-        self._torque = (self._types.torque * len(controller.joints))()
+        self.config = self.types.config.from_buffer_copy(default)
+        self.state = self.types.state()
+        self.input = self.types.input()
+        self._torque = (self.types.torque * len(controller.joints))()
         self._pointers = tuple(
             ctypes.byref(x) for x in (self.config, self.state, self.input, self._torque)
         )
@@ -122,12 +126,17 @@ class GeneratedController:
                 "run `make codegen` and compile again"
             )
         self._counts_per_rad = np.array([1.0 / j.rad_per_count for j in controller.joints])
-        self._units = units(controller)
+        self.units = units(controller)
 
     @property
     def joints(self) -> int:
         """Number of joints."""
         return len(self.specification.joints)
+
+    @property
+    def torque(self) -> NDArray[Any]:
+        """What the last step wrote, as it stands in memory: in the C's own numbers and unit."""
+        return np.array(self._torque)
 
     @property
     def last_memory(self) -> tuple[ctypes.Structure, ...]:
@@ -164,8 +173,8 @@ class GeneratedController:
     ) -> int:
         """Calls ``tdc_NAME_init``; returns its status."""
         c_counts = (ctypes.c_int32 * self.joints)(*map(int, counts))
-        torque = self._units.torque.stored(holding_torque_Nm)
-        c_torque = (self._types.torque * self.joints)(*torque.tolist())
+        torque = self.units.torque.stored(holding_torque_Nm)
+        c_torque = (self.types.torque * self.joints)(*torque.tolist())
         return int(self._init(*self._pointers[:2], c_counts, c_torque))
 
     def position_q8(self, position_rad: NDArray[np.float64]) -> NDArray[np.int32]:
@@ -182,7 +191,7 @@ class GeneratedController:
         acceleration_rad_per_s2: NDArray[np.float64],
     ) -> ControllerOutput:
         """One tick of ``tdc_NAME_step``; all arguments have shape (n,)."""
-        given, units = self.input, self._units
+        given, units = self.input, self.units
         given.counts[:] = counts.tolist()
         given.reference_position_q8[:] = self.position_q8(position_rad).tolist()
         for unit, value in (
@@ -191,7 +200,7 @@ class GeneratedController:
         ):
             getattr(given, unit.field)[:] = unit.stored(value).tolist()
         status = int(self._step(*self._pointers))
-        return ControllerOutput(units.torque.physical(np.array(self._torque)), status)
+        return ControllerOutput(units.torque.physical(self.torque), status)
 
 
 def _value(struct: ctypes.Structure, name: str) -> FieldValue:

@@ -52,6 +52,8 @@ REPORT_STEPS = 20_000
 LEAST_STEPS = 100
 """Fewer may hold no step that succeeds, and say nothing."""
 NAMES = ("puma3", "puma6")
+CHAIN_NAMES = (*NAMES, "puma3_fixed")
+"""In fixed-point the chain has its last link: the bits on the targets."""
 
 _BAD_INPUT = (
     SpecificationError,
@@ -174,7 +176,7 @@ def _equivalence(arguments: argparse.Namespace, console: Console, progress: Cons
 
 
 def _chain(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
-    controllers = _controllers(arguments.controller or NAMES)
+    controllers = _controllers(arguments.controller or CHAIN_NAMES)
     boards = [load_board(name) for name in arguments.board or board_names()]
     blocks = blocks_of(arguments.steps)
     total = blocks.count * blocks.steps * len(boards) * len(controllers)
