@@ -7,6 +7,7 @@ from codegen.controller import Controller, Joint
 from codegen.exact import binary32
 from codegen.fixed_point import (
     SLIDING_INTEGRAL_MAX,
+    TORQUE_LIMIT_MAX,
     fixed_config_values,
     fixed_joint,
     formats,
@@ -49,6 +50,7 @@ def fixed_source(controller: Controller) -> ControllerSource:
         "interface_headers": ["tdc_fixed.h"],
         "formats": chosen,
         "sliding_integral_max": SLIDING_INTEGRAL_MAX,
+        "torque_limit_max": TORQUE_LIMIT_MAX,
         "measurement": printed["measurement"],
         "switch_on": printed["switch_on"],
         "torque_law": torque_law,

@@ -42,6 +42,9 @@ INT32_MAX = 2**31 - 1
 SLIDING_INTEGRAL_MAX = 2**30 - 1
 """Where the integral part of the sliding variable stops: at half of what an integer can hold."""
 
+TORQUE_LIMIT_MAX = 2**29
+"""What a torque limit may be tuned to; what a joint remembers is never more."""
+
 _FINEST, _COARSEST = 24, 8
 _FINEST_TORQUE, _COARSEST_TORQUE = 24, 4
 _RATIO_BITS = 30
@@ -174,9 +177,13 @@ def fixed_joint(controller: Controller, joint: Joint, chosen: Formats) -> FixedJ
     sign = 1 if joint.counts_per_joint_rev > 0 else -1
     factor = sign * round(joint.inertia / acceleration * 2**chosen.torque_bits * 2**_FACTOR_BITS)
     limit = round(joint.torque_limit * 2**chosen.torque_bits)
-    for name, magnitude in (("inertia_factor", abs(factor)), ("torque_limit", limit)):
-        if magnitude > INT32_MAX:
-            raise _OverflowError(name, magnitude)
+    for name, magnitude, most in (
+        ("inertia_factor", abs(factor), INT32_MAX),
+        ("torque_limit", limit, TORQUE_LIMIT_MAX),
+        ("velocity_error", joint.max_displacement, chosen.max_displacement),
+    ):
+        if magnitude > most:
+            raise _OverflowError(name, magnitude * INT32_MAX // most)
     ratio = controller.low_pass_ratio
     return FixedJoint(
         {
@@ -219,7 +226,7 @@ def print_fixed_law(
         _OverflowError: a quantity might not fit into 32 bits.
         UnprintableError: the law contains something that has no C in integers.
     """
-    known = _signals(joint, chosen)
+    known = _signals(chosen)
     printed: dict[str, tuple[Statement, ...]] = {}
     for function in (law.measurement(options), law.switch_on(), law.torque_law(options)):
         statements, values = _FixedPrinter(function, known, joint, chosen).statements()
@@ -228,9 +235,13 @@ def print_fixed_law(
     return printed
 
 
-def _signals(joint: FixedJoint, chosen: Formats) -> dict[str, _Value]:
-    """What the law starts from, and how large it may be."""
-    displacement = joint.max_displacement
+def _signals(chosen: Formats) -> dict[str, _Value]:
+    """What the law starts from, and how large it may be.
+
+    A limit may be lowered while the controller runs, below what it remembers: what counts is what
+    a limit may be tuned to.
+    """
+    displacement = chosen.max_displacement
     motion = displacement << chosen.fraction_bits
     magnitudes = {
         "error_q8": (_POSITION, 2**31),
@@ -240,7 +251,7 @@ def _signals(joint: FixedJoint, chosen: Formats) -> dict[str, _Value]:
         "reference_velocity": (_MOTION, motion),
         "last_reference_velocity": (_MOTION, motion),
         "reference_acceleration": (_MOTION, motion),
-        "last_torque": (_TORQUE, joint.torque_limit),
+        "last_torque": (_TORQUE, TORQUE_LIMIT_MAX),
         "sliding_integral": (_MOTION, SLIDING_INTEGRAL_MAX),
     }
     return {name: _Value(name, *about, atom=True) for name, about in magnitudes.items()}
@@ -296,7 +307,7 @@ class _FixedPrinter:
         if node.input is not None and node.input.name in self.known:
             return self.known[node.input.name]
         if node.input is not None and node.input.name == "torque_limit":
-            return _Value("gains->torque_limit_q", _TORQUE, self.joint.torque_limit, atom=True)
+            return _Value("gains->torque_limit_q", _TORQUE, TORQUE_LIMIT_MAX, atom=True)
         if node.op in _OPERATIONS:
             return _OPERATIONS[node.op](self, *node.arguments, index)
         raise UnprintableError(f"{self._quantity}: an operation without C in integers")
@@ -315,7 +326,7 @@ class _FixedPrinter:
     def _limited(self, left: int, right: int, index: int) -> _Value:
         a, b = self._value(left), self._value(right)
         name = "tdc_lesser" if self._graph.nodes[index].op == ca.OP_FMIN else "tdc_greater"
-        limit = min(a.magnitude, b.magnitude) if name == "tdc_lesser" else self.joint.torque_limit
+        limit = min(a.magnitude, b.magnitude) if name == "tdc_lesser" else TORQUE_LIMIT_MAX
         magnitude = limit if name == "tdc_greater" else max(a.magnitude, b.magnitude)
         return self._made(f"{name}({a.text}, {b.text})", a.unit, magnitude, atom=True)
 
@@ -328,7 +339,8 @@ class _FixedPrinter:
                 return _FACTORS[node.input.name](self, self._value(argument))
             if node.op == ca.OP_CONST and node.constant == 0.5:
                 a = self._value(argument)
-                return self._made(f"tdc_shift_right({a.text}, 1u)", a.unit, a.magnitude, atom=True)
+                text = f"tdc_shift_right({a.text}, 1u)"
+                return self._made(text, a.unit, (a.magnitude + 1) // 2, atom=True)
             if node.op == ca.OP_SUB and self._is_ratio(node.arguments[1]):
                 rest = f"TDC_FIXED_ONE_Q{_RATIO_BITS} - gains->low_pass_ratio_q{_RATIO_BITS}"
                 return self._by_ratio(self._value(argument), rest)

@@ -436,6 +436,7 @@ def test_a_holding_torque_beyond_the_limit_is_refused(puma: GeneratedController)
         ("stiffness", (2**31, 30 << 24)),
         ("damping", (2**31, 10 << 24)),
         ("correction", (2**31, 2 << 24)),
+        ("torque_limit_q", 2**29 + 1),
         ("damping", (0, 0)),
     ],
 )
@@ -445,6 +446,27 @@ def test_a_configuration_that_could_overflow_is_refused(
     assert puma.check_config() == OK
     setattr(puma.config.joint[2], field, value)
     assert puma.check_config() == BAD_CONFIG
+
+
+def test_two_powers_that_both_saturate_do_not_add_up_to_little(puma: GeneratedController) -> None:
+    for field in ("damping", "stiffness"):
+        setattr(puma.config.joint[0], field, (2**31, 100 << 24))
+    assert puma.check_config() == BAD_CONFIG
+
+
+def test_limits_may_be_lowered_below_what_is_remembered(puma: GeneratedController) -> None:
+    """The sums still fit: a wrapped one would turn the torque's sign."""
+    joint = puma.config.joint[0]
+    joint.torque_limit_q, joint.inertia_factor = 2**29, 2**30
+    assert puma.check_config() == OK
+    start(puma)
+    step(puma, [0] * N)
+    puma.last_memory[0].applied_torque_q = 2**29
+    puma.last_memory[0].displacement = -(2 ** (29 - F))
+    joint.torque_limit_q, joint.max_displacement = 5_000_000, 700
+    assert puma.check_config() == OK
+    torque, status = step(puma, [-700, 0, 0], velocity=[700 << F, 0, 0])
+    assert (torque[0], status) == (5_000_000, SATURATED)
 
 
 def test_gains_of_the_experiments_fit_into_the_same_c(puma: GeneratedController) -> None:
