@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -288,6 +291,36 @@ def test_an_unchanged_copy_is_not_caught(tmp_path: Path) -> None:
     host = Host(library, mutated("tdc_puma3.c", same, same, tmp_path / "puma3"))
     vectors = recorded(library, 2)
     assert double_to_host(library, modelled(library, vectors), host, vectors).holds
+
+
+UNDEFINED = """
+import sys
+from codegen.controller import load
+from verification.chain.program import Blocks, Host
+from verification.equivalence import compiled
+from verification.experiments import CONTROLLERS
+
+flags = ("-fsanitize=undefined", "-fno-sanitize-recover=all")
+host = Host(compiled(load(CONTROLLERS / f"{sys.argv[1]}.toml")), flags=flags)
+print(len(list(host.summaries(Blocks(30, 10000)))))
+"""
+
+
+@pytest.mark.parametrize("name", ["puma3", "puma3_fixed"])
+def test_random_steps_do_nothing_undefined(name: str) -> None:
+    """Random gains, limits, memories and inputs; in its own process, which a finding ends."""
+    runtime = subprocess.run(
+        ["cc", "-print-file-name=libubsan.so"], capture_output=True, text=True, check=True
+    ).stdout.strip()
+    done = subprocess.run(
+        [sys.executable, "-c", UNDEFINED, name],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "LD_PRELOAD": runtime},
+        cwd=CONTROLLERS.parent,
+    )
+    assert done.stdout.strip() == "30", done.stderr
 
 
 # --- Link 3 ------------------------------------------------------------------------------------
