@@ -20,7 +20,7 @@ from codegen.emit import GenerationError
 from codegen.problems import SpecificationError
 from plant.closed_loop import ControllerError, PlantError
 from plant.controller import LayoutError
-from plant.flight import fly
+from plant.flight import Backend, fly
 from plant.model import build_model, dynamics
 from plant.native import CompilerError
 from plant.robot import FrictionName, Robot, RobotError, load_robot, robot_names
@@ -132,6 +132,7 @@ def _simulate(arguments: argparse.Namespace, console: Console) -> int:
         friction=arguments.friction,
         speed=arguments.speed,
         substep_s=arguments.substep,
+        backend=arguments.backend,
     )
     figures = flight.figures()
     if arguments.json:
@@ -181,6 +182,12 @@ def _add_simulate(commands: argparse._SubParsersAction[argparse.ArgumentParser])
     )
     parser.add_argument(
         "--substep", type=_positive, default=1e-4, help="longest integration step [s], 1e-4"
+    )
+    parser.add_argument(
+        "--backend",
+        choices=get_args(Backend),
+        default="pinocchio",
+        help="pinocchio, the reference in Python, or compiled, the same loop in C",
     )
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.set_defaults(run=_simulate)

@@ -283,6 +283,37 @@ def simulate(
         PlantError: the numbers of joints differ, the drives cannot hold the start posture, or the
             motion became non-finite.
     """
+    begin = beginning(plant, trajectory, sample_time_s)
+    start, held = begin.state.q, begin.torque_Nm
+    status = controller.reset(plant.encoder.counts(start), held)
+    if status < 0:
+        raise ControllerError(-1, status)
+    return _run(
+        plant, controller, begin.reference, begin.state, held, sample_time_s, substep_s, progress
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Beginning:
+    """How a run begins: at rest at the trajectory's first posture, held against gravity.
+
+    Attributes:
+        reference: of the whole run.
+        state: bristles undeflected.
+        torque_Nm: that the drives apply, shape (n,).
+    """
+
+    reference: Reference
+    state: PlantState
+    torque_Nm: Floats
+
+
+def beginning(plant: Plant, trajectory: RestToRest, sample_time_s: float) -> Beginning:
+    """The beginning of a run.
+
+    Raises:
+        PlantError: the numbers of joints differ, or the drives cannot hold the start posture.
+    """
     reference = trajectory.sampled(sample_time_s)
     if reference.position_rad.shape[1] != plant.joints:
         raise PlantError(
@@ -294,10 +325,7 @@ def simulate(
     if np.any(np.abs(held) > plant.drive.torque_limit_Nm):
         raise PlantError(f"the drives of {plant.name} cannot hold its start posture")
     state = PlantState(start.copy(), np.zeros(plant.joints), plant.friction.at_rest())
-    status = controller.reset(plant.encoder.counts(start), held)
-    if status < 0:
-        raise ControllerError(-1, status)
-    return _run(plant, controller, reference, state, held, sample_time_s, substep_s, progress)
+    return Beginning(reference, state, held)
 
 
 def _run(
@@ -339,7 +367,7 @@ def _run(
                 friction[k] = first
         applied[k] = drive.delay * old + (1.0 - drive.delay) * torque_Nm
         if not np.all(np.isfinite(state.q)):
-            raise PlantError(f"the motion of {plant.name} became non-finite in tick {k}")
+            raise diverged(plant, k)
     return Run(
         sample_time_s=sample_time_s,
         time_s=reference.time_s,
@@ -355,6 +383,11 @@ def _run(
         friction_Nm=friction,
         status=statuses,
     )
+
+
+def diverged(plant: Plant, tick: int) -> PlantError:
+    """The error of a motion that became non-finite."""
+    return PlantError(f"the motion of {plant.name} became non-finite in tick {tick}")
 
 
 def _ticks(count: int, progress: bool | None, name: str) -> Iterable[int]:
