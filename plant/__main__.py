@@ -22,7 +22,8 @@ from plant.closed_loop import ControllerError, PlantError
 from plant.controller import LayoutError
 from plant.flight import Backend, fly
 from plant.model import build_model, dynamics
-from plant.native import CompilerError
+from plant.native import BUILD, CompilerError
+from plant.pace import CONTROLLERS, measure
 from plant.robot import FrictionName, Robot, RobotError, load_robot, robot_names
 
 
@@ -157,6 +158,63 @@ def _simulate(arguments: argparse.Namespace, console: Console) -> int:
     return 0
 
 
+def _bench(arguments: argparse.Namespace, console: Console) -> int:
+    figures = []
+    for name in CONTROLLERS:
+        figures.append(measure(name, arguments.substep, arguments.rounds).figures())
+    file = BUILD / "plant" / "pace.json"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+    if arguments.json:
+        print(json.dumps(figures))
+        return 0
+    columns = {
+        "simulated [s]": "simulated_s",
+        "pinocchio [s]": "pinocchio_s",
+        "compiled [s]": "compiled_s",
+        "pinocchio, x real time": "pinocchio_times_real_time",
+        "compiled, x real time": "compiled_times_real_time",
+        "all threads, x real time": "together_times_real_time",
+        "compiled / pinocchio": "compiled_times_pinocchio",
+    }
+    table = Table(title="one closed loop with its generated C", title_justify="left")
+    table.add_column("")
+    for row in figures:
+        table.add_column(f"{row['controller']} on {row['robot']}", justify="right")
+    for title, key in columns.items():
+        table.add_row(title, *(f"{row[key]:.3g}" for row in figures))
+    console.print(table)
+    console.print(
+        f"steps of at most {arguments.substep:g} s; medians of {arguments.rounds} runs in turns, "
+        f"without compiling; {figures[0]['threads']} threads"
+    )
+    return 0
+
+
+def _add_bench(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    parser = commands.add_parser(
+        "bench",
+        help="measure how fast both backends are",
+        description="Flies puma3 and puma6 on both backends in turns and tells simulated seconds "
+        "in a second, for one run at a time and for a run in each of the processor's threads. "
+        "Writes build/plant/pace.json as well.",
+    )
+    parser.add_argument(
+        "--substep", type=_positive, default=1e-4, help="longest integration step [s], 1e-4"
+    )
+    parser.add_argument("--rounds", type=_count, default=5, help="runs of each backend, 5")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.set_defaults(run=_bench)
+
+
+def _count(text: str) -> int:
+    """An integer greater than 0, for argparse."""
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not greater than 0")
+    return number
+
+
 def _add_simulate(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     parser = commands.add_parser(
         "simulate",
@@ -226,6 +284,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m plant", description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
     _add_simulate(commands)
+    _add_bench(commands)
     _add_dynamics(commands)
     _add_robots(commands)
     return parser

@@ -217,6 +217,7 @@ class Run:
         torque_applied_Nm: mean over the tick of what the drives applied.
         friction_Nm: friction torque at the beginning of the tick, opposing motion.
         status: the controller's status, shape (ticks,).
+        end: the state of the plant after the last tick.
     """
 
     sample_time_s: float
@@ -232,6 +233,7 @@ class Run:
     torque_applied_Nm: Floats
     friction_Nm: Floats
     status: NDArray[np.int64]
+    end: PlantState
 
     @property
     def error_rad(self) -> Floats:
@@ -284,22 +286,19 @@ def simulate(
             motion became non-finite.
     """
     begin = beginning(plant, trajectory, sample_time_s)
-    start, held = begin.state.q, begin.torque_Nm
-    status = controller.reset(plant.encoder.counts(start), held)
+    status = controller.reset(plant.encoder.counts(begin.state.q), begin.torque_Nm)
     if status < 0:
         raise ControllerError(-1, status)
-    return _run(
-        plant, controller, begin.reference, begin.state, held, sample_time_s, substep_s, progress
-    )
+    return run_from(plant, controller, begin, sample_time_s, substep_s, progress)
 
 
 @dataclass(frozen=True, eq=False)
 class Beginning:
-    """How a run begins: at rest at the trajectory's first posture, held against gravity.
+    """How a run begins.
 
     Attributes:
         reference: of the whole run.
-        state: bristles undeflected.
+        state: of the plant.
         torque_Nm: that the drives apply, shape (n,).
     """
 
@@ -309,7 +308,7 @@ class Beginning:
 
 
 def beginning(plant: Plant, trajectory: RestToRest, sample_time_s: float) -> Beginning:
-    """The beginning of a run.
+    """At rest at the trajectory's first posture, held against gravity, bristles undeflected.
 
     Raises:
         PlantError: the numbers of joints differ, or the drives cannot hold the start posture.
@@ -328,16 +327,29 @@ def beginning(plant: Plant, trajectory: RestToRest, sample_time_s: float) -> Beg
     return Beginning(reference, state, held)
 
 
-def _run(
+def run_from(
     plant: Plant,
     controller: Controller,
-    reference: Reference,
-    state: PlantState,
-    torque_Nm: Floats,
+    begin: Beginning,
     sample_time_s: float,
-    substep_s: float,
-    progress: bool | None,
+    substep_s: float = 1e-4,
+    progress: bool | None = None,
 ) -> Run:
+    """Runs a controller that is already switched on, from any state of the plant.
+
+    Args:
+        plant: from :func:`build_plant`.
+        controller: goes on from its own state.
+        begin: the first state, and the reference; the run is as long as it.
+        sample_time_s: L.
+        substep_s: longest step of the integrator.
+        progress: shows a progress bar; by default on a terminal only.
+
+    Raises:
+        ControllerError: the controller reported an error.
+        PlantError: the motion became non-finite.
+    """
+    reference, state, torque_Nm = begin.reference, begin.state, begin.torque_Nm
     encoder, drive, integrator = plant.encoder, plant.drive, Integrator(plant)
     shape = reference.position_rad.shape
     q, qd, applied, friction = (np.empty(shape) for _ in range(4))
@@ -382,6 +394,7 @@ def _run(
         torque_applied_Nm=applied,
         friction_Nm=friction,
         status=statuses,
+        end=state,
     )
 
 

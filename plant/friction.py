@@ -24,6 +24,7 @@ into the same lines.
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
@@ -45,6 +46,7 @@ class Functions:
         maximum: the larger of two.
         where: the second number where the first, a condition, holds, else the third; both are
             computed, and neither may divide by 0.
+        zero: whether a number is 0 for certain.
     """
 
     exp: Callable[[Number], Number]
@@ -54,13 +56,16 @@ class Functions:
     copysign: Callable[[Number, Number], Number]
     maximum: Callable[[Number, Number], Number]
     where: Callable[[Number, Number, Number], Number]
+    zero: Callable[[Number], bool]
 
 
 def _where(condition: bool, if_true: float, if_false: float) -> float:
     return if_true if condition else if_false
 
 
-FLOATS = Functions(math.exp, math.expm1, math.sin, math.tanh, math.copysign, max, _where)
+FLOATS = Functions(
+    math.exp, math.expm1, math.sin, math.tanh, math.copysign, max, _where, operator.not_
+)
 
 
 @dataclass(frozen=True)
@@ -92,7 +97,7 @@ class StribeckCurve:
         )
         ratio = velocity_rad_per_s / self.velocity_rad_per_s
         level = coulomb * (1.0 + (self.static_over_coulomb - 1.0) * f.exp(-ratio * ratio))
-        if self.ripple_amplitude:
+        if not f.zero(self.ripple_amplitude):
             level *= 1.0 + self.ripple_amplitude * f.sin(self.ripple_rad_per_rad * position_rad)
         return level
 

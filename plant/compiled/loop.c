@@ -56,14 +56,15 @@ static double limited(double torque, double limit)
 }
 
 /** Holds a torque; the friction torque of the first substep goes to first, unless it is NULL. */
-static void advance(motion *m, const loop_part *part, const double *torque, double *first)
+static void advance(motion *m, const loop_plant *plant, const loop_part *part, const double *torque,
+                    double *first)
 {
     double unused[LOOP_MAX_JOINTS];
     for (int64_t k = 0; k < part->count; ++k) {
         const int now = m->now;
         const int next = 1 - now;
         const double *arguments[] = {
-            m->q[now], m->qd[now], m->friction[now], torque, &part->step_s,
+            m->q[now], m->qd[now], m->friction[now], torque, &part->step_s, plant->numbers,
         };
         double *results[] = {
             m->q[next],
@@ -100,8 +101,8 @@ static int tick(const loop_plant *plant, motion *m, double *torque_Nm,
         record->torque_applied_Nm[row + i] =
             (plant->delay * old[i]) + ((1.0 - plant->delay) * torque_Nm[i]);
     }
-    advance(m, &plant->before, old, friction);
-    advance(m, &plant->after, torque_Nm, plant->before.count == 0 ? friction : NULL);
+    advance(m, plant, &plant->before, old, friction);
+    advance(m, plant, &plant->after, torque_Nm, plant->before.count == 0 ? friction : NULL);
     return status;
 }
 

@@ -17,7 +17,7 @@ typedef struct {
     double step_s; /* h; not used where the count is 0 */
 } loop_part;
 
-/** Drives and encoders; arrays have one element a joint. */
+/** The plant; arrays have one element a joint, but for the numbers. */
 typedef struct {
     int64_t joints;
     double delay;                  /* until a command acts, as a fraction of a tick */
@@ -27,6 +27,7 @@ typedef struct {
     const double *counts_per_rad;
     const double *phase; /* where between two edges joint position 0 is [count] */
     const int64_t *offset_counts;
+    const double *numbers; /* of bodies and friction, see dynamics.py */
 } loop_plant;
 
 /** The state of the plant between two ticks; arrays have one element a joint. */
@@ -80,9 +81,9 @@ int loop_controller_init(const loop_controller *controller, const int32_t *count
 int loop_controller_step(const loop_controller *controller, int64_t tick, const int32_t *counts,
                          void *commanded, double *torque_Nm);
 
-/* Made for each plant by CasADi, see dynamics.py. */
+/* Made for each structure of a plant by CasADi, see dynamics.py. */
 
-/** (q, qd, friction, torque, h) to (q, qd, friction, friction torque); no overlap. */
+/** (q, qd, friction, torque, h, numbers) to (q, qd, friction, friction torque); no overlap. */
 int loop_substep(const double **arguments, double **results, long long *iw, double *w, int memory);
 
 #endif

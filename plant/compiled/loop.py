@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -17,20 +16,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.controller import Controller
+from codegen.emit import fixed_parts
 from codegen.rendering import environment
 from plant.closed_loop import (
     Beginning,
     ControllerError,
     Plant,
     PlantError,
+    PlantState,
     Run,
     beginning,
     diverged,
     substeps,
 )
-from plant.compiled.dynamics import dynamics_c
+from plant.compiled.dynamics import Structure, dynamics_c, numbers, structure
 from plant.compiled.rigid_body import UnsupportedJointError
-from plant.controller import GeneratedController
+from plant.controller import GeneratedController, LayoutError
 from plant.native import FLAGS, c_files, library, sources_of
 from plant.trajectory import Reference, RestToRest
 from plant.units import units
@@ -61,7 +62,7 @@ class _Plant(ctypes.Structure):
         ("after", _Part),
         *(
             (name, ctypes.c_void_p)
-            for name in ("torque_limit_Nm", "counts_per_rad", "phase", "offset_counts")
+            for name in ("torque_limit_Nm", "counts_per_rad", "phase", "offset_counts", "numbers")
         ),
     )
 
@@ -111,33 +112,36 @@ def adapter_c(specification: Controller) -> str:
     )
 
 
-# Expressions and C of a plant take longer than a short run; plants are compared by identity.
-_dynamics_c = lru_cache(maxsize=8)(dynamics_c)
-
-
-def compile_loop(plant: Plant, specification: Controller, sources: Path | None = None) -> Path:
-    """The shared library of a plant and a controller, compiled once for each content.
-
-    Args:
-        plant: its numbers become constants of the C, but for those of drives and encoders.
-        specification: of the controller.
-        sources: the folder with its C; generated if not given.
+def structure_of(plant: Plant) -> Structure:
+    """The structure of a plant.
 
     Raises:
         PlantError: the plant has a joint or a number of joints that this backend can't do.
-        CompilerError: the compiler is missing or reports an error.
     """
     if plant.joints > MAX_JOINTS:
         raise PlantError(f"{plant.name} has {plant.joints} joints, more than {MAX_JOINTS}")
     try:
-        dynamics = _dynamics_c(plant)
+        return structure(plant)
     except UnsupportedJointError as error:
         raise PlantError(f"{plant.name}: {error}") from error
+
+
+def compile_loop(plant: Structure, specification: Controller, sources: Path | None = None) -> Path:
+    """The shared library of a plant and a controller, compiled once for each content.
+
+    Args:
+        plant: its structure.
+        specification: of the controller.
+        sources: the folder with its C; generated if not given.
+
+    Raises:
+        CompilerError: the compiler is missing or reports an error.
+    """
     own = {name: (FOLDER / name).read_bytes() for name in ("loop.c", "loop.h")}
-    made = {"adapter.c": adapter_c(specification).encode(), "dynamics.c": dynamics.encode()}
+    made = {"adapter.c": adapter_c(specification), "dynamics.c": dynamics_c(plant)}
     controller = c_files(sources or sources_of(specification))
-    name = f"loop-{plant.name}-{specification.name}"
-    return library(name, own | made | controller, _FLAGS, "-lm")
+    files = own | {name: text.encode() for name, text in made.items()} | controller
+    return library(f"loop-{specification.name}", files, _FLAGS, "-lm")
 
 
 class CompiledLoop:
@@ -148,8 +152,13 @@ class CompiledLoop:
         specification: of the controller.
         sources: the folder with the controller's C; generated if not given.
 
+    Attributes:
+        path: of the library.
+
     Raises:
-        PlantError, CompilerError: see :func:`compile_loop`.
+        PlantError: the plant has a joint that this backend can't do, or another number of joints
+            than the controller.
+        CompilerError: the compiler is missing or reports an error.
     """
 
     def __init__(
@@ -160,19 +169,14 @@ class CompiledLoop:
                 f"{plant.name} has {plant.joints} joints, controller {specification.name} "
                 f"{len(specification.joints)}"
             )
-        self.plant = plant
-        self.path = compile_loop(plant, specification, sources)
+        self._structure = structure_of(plant)
+        self._specification = fixed_parts(specification)
+        self.path = compile_loop(self._structure, specification, sources)
         self._run = ctypes.CDLL(str(self.path)).loop_run
-        drive, encoder = plant.drive, plant.encoder
-        self._arrays = {
-            "torque_limit_Nm": np.ascontiguousarray(drive.torque_limit_Nm, dtype=np.float64),
-            "counts_per_rad": np.ascontiguousarray(encoder.counts_per_rad, dtype=np.float64),
-            "phase": np.ascontiguousarray(encoder.phase, dtype=np.float64),
-            "offset_counts": np.ascontiguousarray(encoder.offset_counts, dtype=np.int64),
-        }
 
     def run(
         self,
+        plant: Plant,
         controller: GeneratedController,
         begin: Beginning,
         sample_time_s: float,
@@ -183,28 +187,38 @@ class CompiledLoop:
         """Runs the controller from a state of the plant on, for as long as the reference lasts.
 
         Args:
+            plant: that of this loop, or one of the same structure with other numbers.
             controller: with its configuration, which is only read, and its state, which is left
                 as the last tick leaves it. Runs at the same time need one each.
             begin: the first state and the reference.
             sample_time_s: L.
             substep_s: longest step of the integrator.
-            reset: whether the controller is switched on; else it goes on from its state.
+            reset: whether the controller is switched on; else it goes on from its state, as in
+                :func:`plant.closed_loop.run_from`.
 
         Raises:
             ControllerError: the controller reported an error.
-            PlantError: the motion became non-finite.
+            PlantError: the motion became non-finite, or the plant is of another structure.
+            LayoutError: the controller is another one.
         """
+        if structure_of(plant) != self._structure:
+            raise PlantError(f"{plant.name} has another structure than the compiled plant")
+        if fixed_parts(controller.specification) != self._specification:
+            raise LayoutError(
+                f"the loop was compiled for another controller than {controller.specification.name}"
+            )
         record = _record(begin.reference, controller)
         state = _state(begin)
         inputs = controller.inputs(
-            begin.reference.position_rad + self.plant.encoder.zero_rad,
+            begin.reference.position_rad + plant.encoder.zero_rad,
             begin.reference.velocity_rad_per_s,
             begin.reference.acceleration_rad_per_s2,
         )
         held = controller.holding_torque(begin.torque_Nm)
+        arrays = _arrays(plant)
         tick, status = ctypes.c_int64(), ctypes.c_int64()
         end = self._run(
-            ctypes.byref(self._numbers(sample_time_s, substep_s)),
+            ctypes.byref(_plant(plant, arrays, sample_time_s, substep_s)),
             ctypes.byref(_pointed(_State, state)),
             ctypes.byref(
                 _Controller(
@@ -222,39 +236,59 @@ class CompiledLoop:
         if end == _CONTROLLER_ERROR:
             raise ControllerError(tick.value, status.value)
         if end == _NOT_FINITE:
-            raise diverged(self.plant, tick.value)
-        return self._told(begin.reference, record, controller, sample_time_s)
+            raise diverged(plant, tick.value)
+        return _told(plant, controller, begin.reference, record, state, sample_time_s)
 
-    def _told(
-        self,
-        reference: Reference,
-        record: Mapping[str, NDArray[Any]],
-        controller: GeneratedController,
-        sample_time_s: float,
-    ) -> Run:
-        return Run(
-            sample_time_s=sample_time_s,
-            time_s=reference.time_s,
-            q=record["q"],
-            qd=record["qd"],
-            q_ref=reference.position_rad,
-            qd_ref=reference.velocity_rad_per_s,
-            qdd_ref=reference.acceleration_rad_per_s2,
-            counts=record["counts"],
-            q_encoder=self.plant.encoder.positions_rad(record["counts"]),
-            torque_commanded_Nm=controller.physical_torque(record["torque_commanded"]),
-            torque_applied_Nm=record["torque_applied_Nm"],
-            friction_Nm=record["friction_Nm"],
-            status=record["status"],
-        )
 
-    def _numbers(self, sample_time_s: float, substep_s: float) -> _Plant:
-        plant, delay = self.plant, self.plant.drive.delay
-        parts = []
-        for duration in (delay * sample_time_s, (1.0 - delay) * sample_time_s):
-            count = substeps(duration, substep_s)
-            parts.append(_Part(count, duration / count if count else 0.0))
-        return _Plant(plant.joints, delay, *parts, **_addresses(self._arrays))
+def _arrays(plant: Plant) -> dict[str, NDArray[Any]]:
+    """The plant's numbers by their names in ``loop_plant``."""
+    doubles = {
+        "torque_limit_Nm": plant.drive.torque_limit_Nm,
+        "counts_per_rad": plant.encoder.counts_per_rad,
+        "phase": plant.encoder.phase,
+        "numbers": numbers(plant),
+    }
+    made = {name: np.ascontiguousarray(x, dtype=np.float64) for name, x in doubles.items()}
+    offset = np.ascontiguousarray(plant.encoder.offset_counts, dtype=np.int64)
+    return made | {"offset_counts": offset}
+
+
+def _plant(
+    plant: Plant, arrays: Mapping[str, NDArray[Any]], sample_time_s: float, substep_s: float
+) -> _Plant:
+    """The plant for the C; the caller must keep the arrays."""
+    delay, parts = plant.drive.delay, []
+    for duration in (delay * sample_time_s, (1.0 - delay) * sample_time_s):
+        count = substeps(duration, substep_s)
+        parts.append(_Part(count, duration / count if count else 0.0))
+    return _Plant(plant.joints, delay, *parts, **_addresses(arrays))
+
+
+def _told(
+    plant: Plant,
+    controller: GeneratedController,
+    reference: Reference,
+    record: Mapping[str, NDArray[Any]],
+    state: Mapping[str, NDArray[Any]],
+    sample_time_s: float,
+) -> Run:
+    """The record as a run."""
+    return Run(
+        sample_time_s=sample_time_s,
+        time_s=reference.time_s,
+        q=record["q"],
+        qd=record["qd"],
+        q_ref=reference.position_rad,
+        qd_ref=reference.velocity_rad_per_s,
+        qdd_ref=reference.acceleration_rad_per_s2,
+        counts=record["counts"],
+        q_encoder=plant.encoder.positions_rad(record["counts"]),
+        torque_commanded_Nm=controller.physical_torque(record["torque_commanded"]),
+        torque_applied_Nm=record["torque_applied_Nm"],
+        friction_Nm=record["friction_Nm"],
+        status=record["status"],
+        end=PlantState(state["q"], state["qd"], state["friction"].tolist()),
+    )
 
 
 def _record(reference: Reference, controller: GeneratedController) -> dict[str, NDArray[Any]]:
@@ -308,4 +342,4 @@ def simulate(
         )
     begin = beginning(plant, trajectory, sample_time_s)
     loop = CompiledLoop(plant, controller.specification, controller.sources)
-    return loop.run(controller, begin, sample_time_s, substep_s)
+    return loop.run(plant, controller, begin, sample_time_s, substep_s)

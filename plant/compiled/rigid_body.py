@@ -7,7 +7,7 @@ The ``pin`` package comes without ``pinocchio.casadi``, so that the two algorith
 
 after R. Featherstone, Rigid Body Dynamics Algorithms, Springer 2008, tables 5.1 and 6.2, written
 with 3-vectors in each joint's own frame. Joints turn about or slide along any fixed axis and form
-any tree. Exact zeros and ones of the placements vanish from the expressions.
+any tree. Exact zeros and ones of placements and axes vanish from the expressions.
 """
 
 from __future__ import annotations
@@ -32,55 +32,81 @@ class UnsupportedJointError(ValueError):
     """A joint that neither turns about nor slides along one fixed axis."""
 
 
-@dataclass(frozen=True, eq=False)
-class Body:
-    """A joint and the body that it carries, in the joint's own frame.
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Where a joint stands on its parent, and how it moves.
 
     Attributes:
-        parent: index of the parent's body, -1 for the base.
-        rotation: placement in the parent's frame at joint position 0, shape (3, 3).
-        offset: the same, position of the origin [m], shape (3,).
-        axis: of the joint, shape (3,).
+        parent: index of the parent, -1 for the base.
+        rotation: placement in the parent's frame at joint position 0, by rows.
+        offset: the same, position of the origin [m].
+        axis: of the joint, in its own frame.
         slides: whether it slides along the axis instead of turning about it.
+    """
+
+    parent: int
+    rotation: tuple[Vector, Vector, Vector]
+    offset: Vector
+    axis: Vector
+    slides: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Mass:
+    """Mass properties of what a joint carries, in its frame.
+
+    Attributes:
         mass: [kg].
         first_moment: mass times centre of mass [kg m], shape (3,).
         inertia: about the origin of the frame [kg m^2], shape (3, 3).
     """
 
-    parent: int
-    rotation: NDArray[np.float64]
-    offset: NDArray[np.float64]
-    axis: NDArray[np.float64]
-    slides: bool
-    mass: float
-    first_moment: NDArray[np.float64]
-    inertia: NDArray[np.float64]
+    mass: SX
+    first_moment: SX
+    inertia: SX
+
+    @classmethod
+    def of_numbers(cls, numbers: Sequence[SX]) -> Mass:
+        """From the ten numbers of :func:`mass_numbers`, or symbols for them."""
+        mass, x, y, z, xx, xy, yy, xz, yz, zz = numbers
+        rows = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+        inertia = ca.vertcat(*(ca.horzcat(*row) for row in rows))
+        return cls(ca.SX(mass), ca.SX(ca.vertcat(x, y, z)), ca.SX(inertia))
 
 
-def bodies(model: pin.Model) -> tuple[Body, ...]:
-    """The moving bodies of a Pinocchio model, parents before children.
+def joints(model: pin.Model) -> tuple[Joint, ...]:
+    """The joints of a Pinocchio model, parents before children.
 
     Raises:
         UnsupportedJointError: a joint has more than one degree of freedom, or is a screw.
     """
-    return tuple(_body(model, i) for i in range(1, model.njoints))
+    return tuple(_joint(model, i) for i in range(1, model.njoints))
 
 
-def _body(model: pin.Model, index: int) -> Body:
+def _joint(model: pin.Model, index: int) -> Joint:
     axis, slides = _axis(model, index)
-    placement, inertia = model.jointPlacements[index], model.inertias[index]
-    mass, center = float(inertia.mass), np.array(inertia.lever)
-    shift = np.dot(center, center) * np.eye(3) - np.outer(center, center)
-    return Body(
+    placement = model.jointPlacements[index]
+    first, second, third = (_vector(_snapped(row)) for row in placement.rotation)
+    return Joint(
         parent=int(model.parents[index]) - 1,
-        rotation=_snapped(placement.rotation),
-        offset=_snapped(placement.translation),
-        axis=axis,
+        rotation=(first, second, third),
+        offset=_vector(_snapped(placement.translation)),
+        axis=_vector(axis),
         slides=slides,
-        mass=mass,
-        first_moment=mass * center,
-        inertia=np.array(inertia.inertia) + mass * shift,
     )
+
+
+def _vector(values: NDArray[np.float64]) -> Vector:
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+def mass_numbers(inertia: pin.Inertia) -> tuple[float, ...]:
+    """m, m c_x, m c_y, m c_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz about the frame's origin."""
+    return tuple(map(float, inertia.toDynamicParameters()))
 
 
 def _axis(model: pin.Model, index: int) -> tuple[NDArray[np.float64], bool]:
@@ -120,33 +146,49 @@ class Placed:
         return turned, self.rotation @ moment + ca.cross(self.offset, turned)
 
 
-def _placed(body: Body, position: SX) -> Placed:
-    rotation, offset = ca.SX(body.rotation), ca.SX(body.offset)
-    if body.slides:
-        return Placed(rotation, offset + (rotation @ ca.SX(body.axis)) * position)
-    return Placed(rotation @ _turn(body.axis, position), offset)
+def _placed(joint: Joint, position: SX) -> Placed:
+    rotation, offset = _constant(joint.rotation), _constant(joint.offset)
+    if joint.slides:
+        return Placed(rotation, offset + (rotation @ _constant(joint.axis)) * position)
+    return Placed(rotation @ _turn(joint.axis, position), offset)
 
 
-def _turn(axis: NDArray[np.float64], angle: SX) -> SX:
+def _constant(numbers: Sequence[Any]) -> SX:
+    return ca.SX(ca.DM(np.array(numbers)))
+
+
+def _turn(axis: Vector, angle: SX) -> SX:
     """Rotation about an axis, after Rodrigues: a a^T + (1 - a a^T) cos + [a]x sin."""
     along = np.outer(axis, axis)
     skew = np.cross(np.eye(3), axis)  # [a]x
     return ca.SX(along) + ca.SX(np.eye(3) - along) * ca.cos(angle) + ca.SX(skew) * ca.sin(angle)
 
 
-def placements(chain: Sequence[Body], q: SX) -> tuple[Placed, ...]:
-    """All joint frames in their parents' at joint positions q [rad or m], shape (n,)."""
-    return tuple(_placed(body, q[i]) for i, body in enumerate(chain))
+@dataclass(frozen=True, eq=False)
+class Tree:
+    """A robot in some posture, as expressions; each sequence has one entry a joint.
+
+    Attributes:
+        joints: parents before children.
+        masses: what they carry.
+        frames: where their frames stand in their parents'.
+    """
+
+    joints: Sequence[Joint]
+    masses: Sequence[Mass]
+    frames: Sequence[Placed]
 
 
-def bias_torque(
-    chain: Sequence[Body], frames: Sequence[Placed], qd: SX, gravity: NDArray[np.float64]
-) -> SX:
+def tree(joints: Sequence[Joint], masses: Sequence[Mass], q: SX) -> Tree:
+    """The robot at joint positions q [rad or m], shape (n,)."""
+    return Tree(joints, masses, [_placed(joint, q[i]) for i, joint in enumerate(joints)])
+
+
+def bias_torque(robot: Tree, qd: SX, gravity: SX) -> SX:
     """C(q, qd) qd + g(q) [N m or N], shape (n,), by the recursive Newton-Euler algorithm.
 
     Args:
-        chain: from :func:`bodies`.
-        frames: from :func:`placements`.
+        robot: from :func:`tree`.
         qd: joint velocities, shape (n,).
         gravity: its acceleration in the base's frame [m/s^2], shape (3,).
     """
@@ -157,17 +199,19 @@ def bias_torque(
     lifts: list[SX] = []
     forces: list[SX] = []
     moments: list[SX] = []
-    for i, (body, frame) in enumerate(zip(chain, frames, strict=True)):
-        root = body.parent < 0
-        spin, turn = (zero, zero) if root else (spins[body.parent], turns[body.parent])
+    for i, (joint, mass, frame) in enumerate(
+        zip(robot.joints, robot.masses, robot.frames, strict=True)
+    ):
+        root = joint.parent < 0
+        spin, turn = (zero, zero) if root else (spins[joint.parent], turns[joint.parent])
         # A base that accelerates upwards stands in for gravity.
-        lift = ca.SX(-gravity) if root else lifts[body.parent]
+        lift = -gravity if root else lifts[joint.parent]
         back = frame.rotation.T
         inward = ca.cross(spin, ca.cross(spin, frame.offset))
         at_origin = lift + ca.cross(turn, frame.offset) + inward
         spin, turn, lift = back @ spin, back @ turn, back @ at_origin
-        rate = ca.SX(body.axis) * qd[i]
-        if body.slides:
+        rate = _constant(joint.axis) * qd[i]
+        if joint.slides:
             lift = lift + 2.0 * ca.cross(spin, rate)
         else:
             turn = turn + ca.cross(spin, rate)
@@ -175,73 +219,78 @@ def bias_torque(
         spins.append(spin)
         turns.append(turn)
         lifts.append(lift)
-        moment_of_mass, inertia = ca.SX(body.first_moment), ca.SX(body.inertia)
+        first, inertia = mass.first_moment, mass.inertia
         forces.append(
-            body.mass * lift
-            + ca.cross(turn, moment_of_mass)
-            + ca.cross(spin, ca.cross(spin, moment_of_mass))
+            mass.mass * lift + ca.cross(turn, first) + ca.cross(spin, ca.cross(spin, first))
         )
-        moments.append(
-            inertia @ turn + ca.cross(spin, inertia @ spin) + ca.cross(moment_of_mass, lift)
-        )
-    torques: list[SX] = [None] * len(chain)
-    for i in reversed(range(len(chain))):
-        body = chain[i]
-        torques[i] = ca.dot(ca.SX(body.axis), forces[i] if body.slides else moments[i])
-        if body.parent >= 0:
-            force, moment = frames[i].force_to_parent(forces[i], moments[i])
-            forces[body.parent] += force
-            moments[body.parent] += moment
-    return ca.vertcat(*torques)
+        moments.append(inertia @ turn + ca.cross(spin, inertia @ spin) + ca.cross(first, lift))
+    return _projected(robot, forces, moments)
 
 
-def inertia_matrix(
-    chain: Sequence[Body], frames: Sequence[Placed], armature: NDArray[np.float64]
-) -> SX:
+def _projected(robot: Tree, forces: list[SX], moments: list[SX]) -> SX:
+    """What the joints feel of the forces and moments on their bodies; the lists are used up."""
+    torques: list[SX] = []
+    for joint, frame in reversed([*zip(robot.joints, robot.frames, strict=True)]):
+        force, moment = forces.pop(), moments.pop()
+        torques.append(_along(joint, force, moment))
+        if joint.parent >= 0:
+            force, moment = frame.force_to_parent(force, moment)
+            forces[joint.parent] += force
+            moments[joint.parent] += moment
+    return ca.vertcat(*reversed(torques))
+
+
+def _along(joint: Joint, force: SX, moment: SX) -> SX:
+    """The part of a force or a moment that the joint's drive feels."""
+    return ca.dot(_constant(joint.axis), force if joint.slides else moment)
+
+
+def inertia_matrix(robot: Tree, armature: Sequence[SX]) -> SX:
     """M(q), shape (n, n), by the composite-rigid-body algorithm; the armature is on its diagonal.
 
     Args:
-        chain: from :func:`bodies`.
-        frames: from :func:`placements`.
-        armature: motor inertia at the joint [kg m^2 or kg], shape (n,).
+        robot: from :func:`tree`.
+        armature: motor inertia at the joint [kg m^2 or kg], n entries.
     """
-    n = len(chain)
-    masses: list[SX] = [body.mass for body in chain]
-    firsts = [ca.SX(body.first_moment) for body in chain]
-    inertias = [ca.SX(body.inertia) for body in chain]
+    n, masses = len(robot.joints), list(robot.masses)
     M = ca.SX.zeros(n, n)
     for i in reversed(range(n)):
-        body, frame = chain[i], frames[i]
-        axis = ca.SX(body.axis)
+        joint, axis = robot.joints[i], _constant(robot.joints[i].axis)
         # What the bodies beyond the joint need for a unit acceleration of it.
-        if body.slides:
-            force, moment = masses[i] * axis, ca.cross(firsts[i], axis)
+        if joint.slides:
+            force, moment = masses[i].mass * axis, ca.cross(masses[i].first_moment, axis)
         else:
-            force, moment = ca.cross(axis, firsts[i]), inertias[i] @ axis
-        M[i, i] = ca.dot(axis, force if body.slides else moment) + armature[i]
+            force, moment = ca.cross(axis, masses[i].first_moment), masses[i].inertia @ axis
+        M[i, i] = _along(joint, force, moment) + armature[i]
         j = i
-        while chain[j].parent >= 0:
-            force, moment = frames[j].force_to_parent(force, moment)
-            j = chain[j].parent
-            M[i, j] = M[j, i] = ca.dot(ca.SX(chain[j].axis), force if chain[j].slides else moment)
-        if body.parent >= 0:
-            first, inertia = _in_parent(frame, masses[i], firsts[i], inertias[i])
-            masses[body.parent] += masses[i]
-            firsts[body.parent] += first
-            inertias[body.parent] += inertia
+        while robot.joints[j].parent >= 0:
+            force, moment = robot.frames[j].force_to_parent(force, moment)
+            j = robot.joints[j].parent
+            M[i, j] = M[j, i] = _along(robot.joints[j], force, moment)
+        if joint.parent >= 0:
+            carried = _in_parent(robot.frames[i], masses[i])
+            masses[joint.parent] = _together(masses[joint.parent], carried)
     return M
 
 
-def _in_parent(frame: Placed, mass: SX, first: SX, inertia: SX) -> tuple[SX, SX]:
-    """First moment and inertia in the parent's frame and about its origin."""
-    p, turned = frame.offset, frame.rotation @ first
+def _together(one: Mass, other: Mass) -> Mass:
+    return Mass(
+        one.mass + other.mass,
+        one.first_moment + other.first_moment,
+        one.inertia + other.inertia,
+    )
+
+
+def _in_parent(frame: Placed, carried: Mass) -> Mass:
+    """Mass properties in the parent's frame and about its origin."""
+    p, turned = frame.offset, frame.rotation @ carried.first_moment
     # The parallel-axis theorem about a point that isn't the centre of mass.
     both = p @ turned.T
-    shift = mass * (ca.dot(p, p) * ca.SX.eye(3) - p @ p.T)
+    shift = carried.mass * (ca.dot(p, p) * ca.SX.eye(3) - p @ p.T)
     shift += 2.0 * ca.dot(p, turned) * ca.SX.eye(3) - both - both.T
-    full = frame.rotation @ inertia @ frame.rotation.T + shift
+    full = frame.rotation @ carried.inertia @ frame.rotation.T + shift
     # Both triangles from one, so that the same value isn't computed twice.
-    return turned + mass * p, ca.tril2symm(ca.tril(full))
+    return Mass(carried.mass, turned + carried.mass * p, ca.tril2symm(ca.tril(full)))
 
 
 def solve_symmetric(M: SX, right: SX) -> SX:
