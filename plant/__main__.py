@@ -168,25 +168,26 @@ def _bench(arguments: argparse.Namespace, console: Console) -> int:
     if arguments.json:
         print(json.dumps(figures))
         return 0
-    columns = {
-        "simulated [s]": "simulated_s",
-        "pinocchio [s]": "pinocchio_s",
-        "compiled [s]": "compiled_s",
-        "pinocchio, x real time": "pinocchio_times_real_time",
-        "compiled, x real time": "compiled_times_real_time",
-        "all threads, x real time": "together_times_real_time",
-        "compiled / pinocchio": "compiled_times_pinocchio",
+    rows = {
+        "pinocchio, s": [row["pinocchio"]["wall_s"] for row in figures],
+        "compiled, s": [row["compiled"]["wall_s"] for row in figures],
+        "pinocchio, times real time": [row["pinocchio_times_real_time"] for row in figures],
+        "compiled, times real time": [row["compiled_times_real_time"] for row in figures],
+        "compiled in all threads": [row["together_times_real_time"] for row in figures],
+        "compiled, times pinocchio": [row["compiled_times_pinocchio"] for row in figures],
+        "the same by CPU time": [row["compiled_times_pinocchio_cpu"] for row in figures],
     }
-    table = Table(title="one closed loop with its generated C", title_justify="left")
+    table = Table(title="one run with its generated C", title_justify="left")
     table.add_column("")
     for row in figures:
         table.add_column(f"{row['controller']} on {row['robot']}", justify="right")
-    for title, key in columns.items():
-        table.add_row(title, *(f"{row[key]:.3g}" for row in figures))
+    for title, values in rows.items():
+        table.add_row(title, *(f"{value:.3g}" for value in values))
     console.print(table)
     console.print(
-        f"steps of at most {arguments.substep:g} s; medians of {arguments.rounds} runs in turns, "
-        f"without compiling; {figures[0]['threads']} threads"
+        f"runs of {figures[0]['simulated_s']:g} s, steps of at most {arguments.substep:g} s; "
+        f"medians of {arguments.rounds} in turns, without compiling; "
+        f"{figures[0]['threads']} threads"
     )
     return 0
 

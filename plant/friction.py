@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -109,12 +109,8 @@ class StribeckCurve:
         )
 
 
-class JointFriction(NamedTuple):
-    """Friction of one joint over one step, velocity frozen; see :class:`FrictionStep`."""
-
-    state: Number
-    torque_Nm: Number
-    derivative_Nms_per_rad: Number
+JointFriction = tuple[Number, Number, Number]
+"""State, torque and derivative of one joint as in :class:`FrictionStep`; a bare tuple is faster."""
 
 
 class FrictionStep(NamedTuple):
@@ -129,11 +125,6 @@ class FrictionStep(NamedTuple):
     state: list[float]
     torque_Nm: list[float]
     derivative_Nms_per_rad: list[float]
-
-
-def _all_joints(steps: Iterable[JointFriction]) -> FrictionStep:
-    states, torques, derivatives = zip(*steps, strict=True)
-    return FrictionStep([*states], [*torques], [*derivatives])
 
 
 class JointModel(Protocol):
@@ -177,6 +168,22 @@ class FrictionModel(Protocol):
         self, position_rad: Sequence[float], velocity_rad_per_s: Sequence[float]
     ) -> list[float]:
         """The torque [N m] after a long time at constant velocity; 0 at standstill."""
+
+
+def _all_joints(
+    joints: Sequence[JointModel],
+    position_rad: Sequence[float],
+    velocity_rad_per_s: Sequence[float],
+    state: Sequence[float],
+    step_s: float,
+) -> FrictionStep:
+    states, torques, derivatives = [], [], []
+    for joint, q, v, z in zip(joints, position_rad, velocity_rad_per_s, state, strict=True):
+        z_new, torque, derivative = joint.step(q, v, z, step_s)
+        states.append(z_new)
+        torques.append(torque)
+        derivatives.append(derivative)
+    return FrictionStep(states, torques, derivatives)
 
 
 def _steady_torque(
@@ -224,10 +231,9 @@ class LuGreJoint:
         deflection = f.where(moves, moved, z)
         # d(z+)/dv = h exp(-x) (1 - sigma0 z sgn(v) / level); negative only if the bristle is
         # stretched beyond the level (which has just fallen), where no help is needed.
-        slope = f.maximum(0.0, step_s * decay * (1.0 - saturation * z))
-        slope = f.where(moves, slope, step_s)
+        slope = f.where(moves, f.maximum(0.0, step_s * decay * (1.0 - saturation * z)), step_s)
         viscous = self.viscous_Nms_per_rad
-        return JointFriction(
+        return (
             deflection,
             stiffness * deflection + damping * (deflection - z) / step_s + viscous * v,
             (stiffness + damping / step_s) * slope + viscous,
@@ -275,8 +281,7 @@ class LuGre:
         Returns:
             The deflections after the step, F and D.
         """
-        joints = zip(self.parameters, position_rad, velocity_rad_per_s, state, strict=True)
-        return _all_joints([joint.step(q, v, z, step_s) for joint, q, v, z in joints])
+        return _all_joints(self.parameters, position_rad, velocity_rad_per_s, state, step_s)
 
     def steady_torque(
         self, position_rad: Sequence[float], velocity_rad_per_s: Sequence[float]
@@ -315,7 +320,7 @@ class CoulombStribeckJoint:
         level, moves = self.curve.level(position_rad, v, f), v != 0.0
         mean = level * f.tanh(v / width) / f.where(moves, v, 1.0)
         derivative = f.where(moves, mean, level / width) + self.viscous_Nms_per_rad
-        return JointFriction(state, derivative * v, derivative)
+        return state, derivative * v, derivative
 
 
 @dataclass(frozen=True)
@@ -356,8 +361,7 @@ class CoulombStribeck:
         Returns:
             The state as it was, F and D.
         """
-        joints = zip(self.parameters, position_rad, velocity_rad_per_s, state, strict=True)
-        return _all_joints([joint.step(q, v, z, step_s) for joint, q, v, z in joints])
+        return _all_joints(self.parameters, position_rad, velocity_rad_per_s, state, step_s)
 
     def steady_torque(
         self, position_rad: Sequence[float], velocity_rad_per_s: Sequence[float]

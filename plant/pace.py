@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
+from statistics import median
 from typing import Any
 
 from codegen.controller import load
@@ -24,6 +25,19 @@ _RUNS_PER_THREAD = 8
 
 
 @dataclass(frozen=True)
+class Cost:
+    """What a run takes, a median over some runs.
+
+    Attributes:
+        wall_s: by the clock [s].
+        cpu_s: of this process [s]; what else the machine does counts less here.
+    """
+
+    wall_s: float
+    cpu_s: float
+
+
+@dataclass(frozen=True)
 class Pace:
     """The pace of one loop: plant, generated C and their record, without compiling.
 
@@ -33,10 +47,10 @@ class Pace:
         joints: number of joints.
         substep_s: longest step of the integrator [s].
         simulated_s: duration of one run [s].
-        pinocchio_s: wall time of a run in Python, the median [s].
-        compiled_s: wall time of a run in C, the median [s].
+        pinocchio: a run in Python.
+        compiled: a run in C.
         threads: that flew together in C.
-        together_s: wall time of a run while they did, all runs' time over their number [s].
+        together: a run while they did, all runs' time over their number.
     """
 
     controller: str
@@ -44,18 +58,19 @@ class Pace:
     joints: int
     substep_s: float
     simulated_s: float
-    pinocchio_s: float
-    compiled_s: float
+    pinocchio: Cost
+    compiled: Cost
     threads: int
-    together_s: float
+    together: Cost
 
     def figures(self) -> dict[str, Any]:
-        """Plain data: the attributes, times real time, and times the backend in Python."""
+        """Plain data: the attributes, and how they compare."""
         return asdict(self) | {
-            "pinocchio_times_real_time": self.simulated_s / self.pinocchio_s,
-            "compiled_times_real_time": self.simulated_s / self.compiled_s,
-            "together_times_real_time": self.simulated_s / self.together_s,
-            "compiled_times_pinocchio": self.pinocchio_s / self.compiled_s,
+            "pinocchio_times_real_time": self.simulated_s / self.pinocchio.wall_s,
+            "compiled_times_real_time": self.simulated_s / self.compiled.wall_s,
+            "together_times_real_time": self.simulated_s / self.together.wall_s,
+            "compiled_times_pinocchio": self.pinocchio.wall_s / self.compiled.wall_s,
+            "compiled_times_pinocchio_cpu": self.pinocchio.cpu_s / self.compiled.cpu_s,
         }
 
 
@@ -80,9 +95,9 @@ def measure(name: str, substep_s: float = 1e-4, rounds: int = 5) -> Pace:
     pinocchio, compiled = [], []
     for _ in range(rounds):
         pinocchio.append(
-            _timed(lambda: simulate(plant, controller, motion, tick, substep_s, progress=False))
+            _cost(lambda: simulate(plant, controller, motion, tick, substep_s, progress=False))
         )
-        compiled.append(_timed(lambda: loop.run(plant, controller, begin, tick, substep_s)))
+        compiled.append(_cost(lambda: loop.run(plant, controller, begin, tick, substep_s)))
     threads = os.cpu_count() or 1
     return Pace(
         controller=specification.name,
@@ -90,10 +105,10 @@ def measure(name: str, substep_s: float = 1e-4, rounds: int = 5) -> Pace:
         joints=plant.joints,
         substep_s=substep_s,
         simulated_s=len(begin.reference.time_s) * tick,
-        pinocchio_s=_median(pinocchio),
-        compiled_s=_median(compiled),
+        pinocchio=_median(pinocchio),
+        compiled=_median(compiled),
         threads=threads,
-        together_s=_together(
+        together=_together(
             lambda: loop.run(
                 plant, GeneratedController(specification, loop.path), begin, tick, substep_s
             ),
@@ -102,21 +117,24 @@ def measure(name: str, substep_s: float = 1e-4, rounds: int = 5) -> Pace:
     )
 
 
-def _timed(call: Callable[[], object]) -> float:
-    start = time.perf_counter()
+def _cost(call: Callable[[], object], runs: int = 1) -> Cost:
+    """The cost of one of so many runs, which the call does."""
+    wall, cpu = time.perf_counter(), time.process_time()
     call()
-    return time.perf_counter() - start
+    return Cost((time.perf_counter() - wall) / runs, (time.process_time() - cpu) / runs)
 
 
-def _median(times: list[float]) -> float:
-    return sorted(times)[len(times) // 2]
+def _median(costs: Sequence[Cost]) -> Cost:
+    return Cost(median(cost.wall_s for cost in costs), median(cost.cpu_s for cost in costs))
 
 
-def _together(call: Callable[[], object], threads: int) -> float:
-    """Wall time of one call where several threads call at once."""
+def _together(call: Callable[[], object], threads: int) -> Cost:
+    """The cost of one call where several threads call at once."""
     runs = _RUNS_PER_THREAD * threads
-    with ThreadPoolExecutor(threads) as pool:
-        start = time.perf_counter()
-        for future in [pool.submit(call) for _ in range(runs)]:
-            future.result()
-        return (time.perf_counter() - start) / runs
+
+    def all_of_them() -> None:
+        with ThreadPoolExecutor(threads) as pool:
+            for future in [pool.submit(call) for _ in range(runs)]:
+                future.result()
+
+    return _cost(all_of_them, runs)

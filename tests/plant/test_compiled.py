@@ -222,8 +222,10 @@ def _row(reference: Reference, tick: int) -> Reference:
     return Reference(*rows)
 
 
-@pytest.mark.parametrize("name", ["puma3", "puma3_fixed", "float64"])
-@pytest.mark.parametrize("delay", [0.0, 0.37, 1.0])
+@pytest.mark.parametrize(
+    ("name", "delay"),
+    [("puma3", 0.0), ("puma3", 0.37), ("puma3", 1.0), ("puma3_fixed", 0.0), ("float64", 0.37)],
+)
 def test_each_tick_of_a_run_is_that_of_the_loop_in_python(
     robot: Robot, tmp_path: Path, name: str, delay: float
 ) -> None:
@@ -243,7 +245,7 @@ def test_each_tick_of_a_run_is_that_of_the_loop_in_python(
     drive = Drive(held + np.array([8.0, 14.0, 9.0]), delay)
     plant = replace(plain, encoder=encoder, drive=drive)
     loop = CompiledLoop(plant, specification)
-    python, compiled = (GeneratedController(specification) for _ in range(2))
+    python, compiled = (GeneratedController(specification, loop.path) for _ in range(2))
     whole = beginning(plant, robot.trajectory.faster(6.0), TICK)
     assert python.reset(plant.encoder.counts(whole.state.q), whole.torque_Nm) == 0
     state, torque, limited = whole.state, whole.torque_Nm, 0
