@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import subprocess
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
@@ -47,7 +48,7 @@ from plant.drive import Drive
 from plant.flight import Backend, fly
 from plant.friction import LuGre, frictionless
 from plant.model import dynamics, energy, gravity_torque
-from plant.native import shared_library, sources_of
+from plant.native import library, shared_library, sources_of
 from plant.robot import FrictionName, Robot, load_robot
 from plant.trajectory import Reference, RestToRest
 
@@ -347,10 +348,10 @@ def test_runs_in_threads_have_the_bits_of_runs_one_after_the_other(
     begin = beginning(reference.plant, robot.trajectory.faster(2.0), TICK)
     rows = ("Exp01", "Exp02", "Exp05", "Exp08", "Exp13")
     tuned = [load(CONTROLLERS / "puma3.toml", experiment=row) for row in rows]
-    library = shared_library(sources_of(puma3))
+    compiled = shared_library(sources_of(puma3))
 
     def fly_one(i: int) -> dict[str, bytes]:
-        controller = GeneratedController(puma3, library)
+        controller = GeneratedController(puma3, compiled)
         controller.set_gains(tuned[i % len(tuned)])
         plant = _rougher(reference.plant, 1.0 + 0.5 * (i // len(tuned)))
         return _bits(reference.loop.run(plant, controller, begin, TICK))
@@ -375,6 +376,46 @@ def _rougher(plant: Plant, factor: float) -> Plant:
         for joint in plant.friction.parameters
     )
     return replace(plant, friction=LuGre(joints))
+
+
+def _variables(path: Path) -> set[str]:
+    """What a library could write to, by name."""
+    command = ["nm", "--format=posix", str(path)]
+    told = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    symbols = (line.split()[:2] for line in told.splitlines())
+    return {name for name, kind in symbols if kind in "bBdDC"}
+
+
+def test_the_library_has_no_memory_of_its_own(reference: Case) -> None:
+    """But for what the compiler puts into every shared library."""
+    empty = library("empty", {"empty.c": b"extern const int nothing;\n"})
+    one = library("one", {"one.c": b"int one;\n"})
+    assert _variables(reference.loop.path) <= _variables(empty)
+    assert _variables(one) - _variables(empty) == {"one"}
+
+
+def test_structures_are_those_of_the_header() -> None:
+    structures: dict[str, type[ctypes.Structure]] = {
+        "loop_part": loop._Part,
+        "loop_plant": loop._Plant,
+        "loop_state": loop._State,
+        "loop_record": loop._Record,
+        "loop_controller": loop._Controller,
+    }
+    offsets = [
+        f"offsetof({name}, {field[0]})"
+        for name, made in structures.items()
+        for field in made._fields_
+    ]
+    values = [*(f"sizeof({name})" for name in structures), *offsets, "LOOP_MAX_JOINTS"]
+    text = '#include "loop.h"\n#include <stddef.h>\n'
+    text += f"const size_t values[] = {{{', '.join(values)}}};\n"
+    header = (loop.FOLDER / "loop.h").read_bytes()
+    path = library("structures", {"structures.c": text.encode(), "loop.h": header})
+    found = (ctypes.c_size_t * len(values)).in_dll(ctypes.CDLL(str(path)), "values")
+    expected = [ctypes.sizeof(made) for made in structures.values()]
+    expected += [getattr(made, f[0]).offset for made in structures.values() for f in made._fields_]
+    assert [*found] == [*expected, loop.MAX_JOINTS]
 
 
 def test_other_numbers_need_no_other_library(reference: Case, puma3: Controller) -> None:
