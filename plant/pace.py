@@ -109,10 +109,7 @@ def measure(name: str, substep_s: float = 1e-4, rounds: int = 5) -> Pace:
         compiled=_median(compiled),
         threads=threads,
         together=_together(
-            lambda: loop.run(
-                plant, GeneratedController(specification, loop.path), begin, tick, substep_s
-            ),
-            threads,
+            lambda: loop.run(plant, loop.controller(), begin, tick, substep_s), threads
         ),
     )
 

@@ -246,7 +246,7 @@ def test_each_tick_of_a_run_is_that_of_the_loop_in_python(
     drive = Drive(held + np.array([8.0, 14.0, 9.0]), delay)
     plant = replace(plain, encoder=encoder, drive=drive)
     loop = CompiledLoop(plant, specification)
-    python, compiled = (GeneratedController(specification, loop.path) for _ in range(2))
+    python, compiled = (loop.controller() for _ in range(2))
     whole = beginning(plant, robot.trajectory.faster(6.0), TICK)
     assert python.reset(plant.encoder.counts(whole.state.q), whole.torque_Nm) == 0
     state, torque, limited = whole.state, whole.torque_Nm, 0
@@ -341,17 +341,16 @@ def _bits(run: Run) -> dict[str, bytes]:
 
 
 def test_runs_in_threads_have_the_bits_of_runs_one_after_the_other(
-    reference: Case, robot: Robot, puma3: Controller
+    reference: Case, robot: Robot
 ) -> None:
     """Gains and friction differ from run to run; all share one library."""
     assert robot.trajectory is not None
     begin = beginning(reference.plant, robot.trajectory.faster(2.0), TICK)
     rows = ("Exp01", "Exp02", "Exp05", "Exp08", "Exp13")
     tuned = [load(CONTROLLERS / "puma3.toml", experiment=row) for row in rows]
-    compiled = shared_library(sources_of(puma3))
 
     def fly_one(i: int) -> dict[str, bytes]:
-        controller = GeneratedController(puma3, compiled)
+        controller = reference.loop.controller()
         controller.set_gains(tuned[i % len(tuned)])
         plant = _rougher(reference.plant, 1.0 + 0.5 * (i // len(tuned)))
         return _bits(reference.loop.run(plant, controller, begin, TICK))
@@ -456,10 +455,10 @@ def test_controller_errors_name_tick_and_status_as_in_python(
             run(reference.plant, controller, motion, TICK, progress=False)
 
 
-def test_non_finite_motion_stops_the_run(reference: Case, puma3: Controller) -> None:
+def test_non_finite_motion_stops_the_run(reference: Case) -> None:
     motion = RestToRest(np.array([START, START]), np.array([0.01]))
     begin = beginning(reference.plant, motion, TICK)
-    controller = GeneratedController(puma3)
+    controller = reference.loop.controller()
     for qd, tick in ((np.nan, 0), (1e300, 0)):
         state = replace(begin.state, qd=np.full(3, qd))
         with pytest.raises(PlantError, match=f"non-finite in tick {tick}"):
@@ -473,7 +472,7 @@ def test_what_cannot_be_run_says_why(reference: Case, puma3: Controller, six: Ca
     begin = beginning(reference.plant, motion, TICK)
     smooth = replace(reference.plant, friction=frictionless(3))
     with pytest.raises(PlantError, match="another structure"):
-        reference.loop.run(smooth, GeneratedController(puma3), begin, TICK)
+        reference.loop.run(smooth, reference.loop.controller(), begin, TICK)
     fixed = GeneratedController(load(CONTROLLERS / "puma3_fixed.toml"))
     with pytest.raises(LayoutError, match="another controller than puma3_fixed"):
         reference.loop.run(reference.plant, fixed, begin, TICK)
