@@ -77,6 +77,11 @@ pil: setup
 	@tools/system_tools.sh test firmware
 	@$(run) -m verification.pil
 
+## Table II flown in float32, float64 and fixed-point: what the accuracy of the powers is worth
+.PHONY: accuracy
+accuracy: setup
+	@$(run) -m verification accuracy
+
 ## The law exact, in double, in C on the host and on each emulated board, a million steps on each
 .PHONY: chain
 chain: setup

@@ -14,7 +14,6 @@ from codegen.controller import Controller, load
 from codegen.emit import (
     REPOSITORY,
     GeneratedFiles,
-    GenerationError,
     differences,
     generate,
     write,
@@ -143,7 +142,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (
         SpecificationError,
         UnusableSpecificationsError,
-        GenerationError,
         UnprintableError,
     ) as error:
         print(f"error: {error}", file=sys.stderr)

@@ -68,7 +68,14 @@ class Real:
 
 
 FLOAT32 = Real(
-    "float", "tdc_exponent", "tdc_sig_pow", "", "FLT_MAX", ("tdc_sig_pow.h", "tdc_sig_pow.c"), binary32, float_literal
+    "float",
+    "tdc_exponent",
+    "tdc_sig_pow",
+    "",
+    "FLT_MAX",
+    ("tdc_sig_pow.h", "tdc_sig_pow.c"),
+    binary32,
+    float_literal,
 )
 FLOAT32_PRECISE = Real(
     "float",

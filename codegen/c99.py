@@ -55,9 +55,15 @@ class Node:
 
 @dataclass(frozen=True)
 class Graph:
+    """The instructions of a law function.
+
+    Attributes:
+        nodes: its values, each after those that it is made from.
+        outputs: the node of each quantity of the law function.
+    """
+
     nodes: tuple[Node, ...]
     outputs: tuple[int, ...]
-    """The node of each quantity of the law function."""
 
     def sig(self, index: int) -> tuple[int, int] | None:
         """Base and exponent where the node is sgn(x) |x|^a, in either order of the factors.

@@ -280,9 +280,7 @@ def _controller(specification: Specification) -> tuple[Controller, list[Problem]
 
 def _arithmetic(specification: Specification, problems: list[Problem]) -> Arithmetic:
     """What the C computes with, and which choices don't go together."""
-    asked = Arithmetic(
-        specification.arithmetic, specification.precision, specification.accuracy
-    )
+    asked = Arithmetic(specification.arithmetic, specification.precision, specification.accuracy)
     clashes = {
         "precision": asked.kind == "fixed-point" and asked.precision != "float32",
         "accuracy": asked.accuracy != "standard"

@@ -45,8 +45,7 @@ class GeneratedFiles:
 def controller_source(controller: Controller, structures: Layout) -> ControllerSource:
     """What one controller's own C is made from."""
     fixed = controller.arithmetic.kind == "fixed-point"
-    make = fixed_source if fixed else floating_source
-    return make(controller, structures)
+    return fixed_source(controller) if fixed else floating_source(controller, structures)
 
 
 def generate(controller: Controller) -> GeneratedFiles:

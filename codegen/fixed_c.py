@@ -14,12 +14,12 @@ from codegen.fixed_point import (
 )
 from codegen.literals import float_literal
 from codegen.source import ControllerSource, GenerationError
-from codegen.structs import Field, Layout, Range, Scalar
+from codegen.structs import Field, Range, Scalar
 
 _FILES = ("tdc_fixed.h", "tdc_fixed.c")
 
 
-def fixed_source(controller: Controller, structures: Layout) -> ControllerSource:
+def fixed_source(controller: Controller) -> ControllerSource:
     """What a controller's fixed-point C is made from."""
     chosen = formats(controller)
     # Every joint's law was looked at for overflow; its text is the same for all.
@@ -115,7 +115,7 @@ def _plain(value: object) -> str:
 
 
 def _check(field: Field) -> str:
-    """The C condition of a field's own range, 1u where it holds; the others are checked together."""
+    """The C condition of a field's own range; what fields have together is checked besides."""
     value = f"gains->{field.name}"
     if field.type is Scalar.FIXED_POWER:
         # Without restoring force (0) nothing converges; gamma may be 0.

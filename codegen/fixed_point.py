@@ -57,7 +57,6 @@ class Formats:
     Attributes:
         fraction_bits: F, of velocities [2^-F count/tick] and accelerations [2^-F count/tick^2].
         torque_bits: T, of torques [2^-T N m].
-        max_displacement: the largest that a joint's may be tuned to [count].
     """
 
     fraction_bits: int
@@ -89,7 +88,7 @@ class FixedJoint:
     max_displacement: int
 
 
-class _Overflow(Exception):
+class _OverflowError(Exception):
     """A quantity that doesn't fit into 32 bits with these formats."""
 
     def __init__(self, quantity: str, magnitude: int) -> None:
@@ -105,7 +104,7 @@ def formats(controller: Controller) -> Formats:
     Raises:
         SpecificationError: there are none; it names the quantity, the joint, and what to change.
     """
-    last: tuple[Joint, _Overflow] | None = None
+    last: tuple[Joint, _OverflowError] | None = None
     for fraction_bits in range(_FINEST, _COARSEST - 1, -1):
         for torque_bits in range(_FINEST_TORQUE, _COARSEST_TORQUE - 1, -1):
             chosen = Formats(fraction_bits, torque_bits)
@@ -121,8 +120,8 @@ def formats(controller: Controller) -> Formats:
         controller.name,
         [
             Problem(
-                'arithmetic = "fixed-point"',
-                f"joint {joint.name}",
+                "arithmetic",
+                f'"fixed-point" (joint {joint.name})',
                 f"every quantity of the law fits into 32 bits; in the coarsest units {overflow}",
                 _REMEDIES.get(overflow.quantity, "lower the gains of this joint, or its speed"),
             )
@@ -147,12 +146,12 @@ _REMEDIES = {
 }
 
 
-def _first_overflow(controller: Controller, chosen: Formats) -> tuple[Joint, _Overflow] | None:
+def _first_overflow(controller: Controller, chosen: Formats) -> tuple[Joint, _OverflowError] | None:
     for joint in controller.joints:
         try:
             fixed = fixed_joint(controller, joint, chosen)
             print_fixed_law(controller.options, fixed, chosen)
-        except _Overflow as overflow:
+        except _OverflowError as overflow:
             return joint, overflow
     return None
 
@@ -161,7 +160,7 @@ def fixed_joint(controller: Controller, joint: Joint, chosen: Formats) -> FixedJ
     """A joint's numbers in these units.
 
     Raises:
-        _Overflow: the inertia or the torque limit doesn't fit.
+        _OverflowError: the inertia or the torque limit doesn't fit.
     """
     rad, tick = abs(Fraction(joint.rad_per_count)), controller.sample_time
     unit = Fraction(1, 2**chosen.fraction_bits)
@@ -173,13 +172,11 @@ def fixed_joint(controller: Controller, joint: Joint, chosen: Formats) -> FixedJ
         "correction": (joint.lambda_, joint.gamma, velocity),
     }
     sign = 1 if joint.counts_per_joint_rev > 0 else -1
-    factor = sign * round(
-        joint.inertia / acceleration * 2**chosen.torque_bits * 2**_FACTOR_BITS
-    )
+    factor = sign * round(joint.inertia / acceleration * 2**chosen.torque_bits * 2**_FACTOR_BITS)
     limit = round(joint.torque_limit * 2**chosen.torque_bits)
     for name, magnitude in (("inertia_factor", abs(factor)), ("torque_limit", limit)):
         if magnitude > INT32_MAX:
-            raise _Overflow(name, magnitude)
+            raise _OverflowError(name, magnitude)
     ratio = controller.low_pass_ratio
     return FixedJoint(
         {
@@ -219,7 +216,7 @@ def print_fixed_law(
     """The C of the law's three parts, by their names.
 
     Raises:
-        _Overflow: a quantity might not fit into 32 bits.
+        _OverflowError: a quantity might not fit into 32 bits.
         UnprintableError: the law contains something that has no C in integers.
     """
     known = _signals(joint, chosen)
@@ -289,7 +286,7 @@ class _FixedPrinter:
 
     def _made(self, text: str, unit: str, magnitude: int, atom: bool = False) -> _Value:
         if magnitude > INT32_MAX and unit != _POSITION:
-            raise _Overflow(self._quantity, magnitude)
+            raise _OverflowError(self._quantity, magnitude)
         return _Value(text, unit, magnitude, atom)
 
     def _value(self, index: int) -> _Value:
@@ -322,7 +319,7 @@ class _FixedPrinter:
         magnitude = limit if name == "tdc_greater" else max(a.magnitude, b.magnitude)
         return self._made(f"{name}({a.text}, {b.text})", a.unit, magnitude, atom=True)
 
-    def _product(self, left: int, right: int, index: int) -> _Value:
+    def _product(self, left: int, right: int, _: int) -> _Value:
         for factor, argument in ((left, right), (right, left)):
             node = self._graph.nodes[factor]
             if node.input is not None and node.input.name in _POWERS:
@@ -331,7 +328,7 @@ class _FixedPrinter:
                 return _FACTORS[node.input.name](self, self._value(argument))
             if node.op == ca.OP_CONST and node.constant == 0.5:
                 a = self._value(argument)
-                return self._made(f"tdc_halve({a.text})", a.unit, a.magnitude, atom=True)
+                return self._made(f"tdc_shift_right({a.text}, 1u)", a.unit, a.magnitude, atom=True)
             if node.op == ca.OP_SUB and self._is_ratio(node.arguments[1]):
                 rest = f"TDC_FIXED_ONE_Q{_RATIO_BITS} - gains->low_pass_ratio_q{_RATIO_BITS}"
                 return self._by_ratio(self._value(argument), rest)
@@ -348,7 +345,7 @@ class _FixedPrinter:
         base = self._value(sig[0])
         magnitude = magnitude_bound(self.joint.powers[name], base.magnitude)
         if magnitude >= INT32_MAX:  # where the power saturates
-            raise _Overflow(self._quantity, magnitude)
+            raise _OverflowError(self._quantity, magnitude)
         text = f"tdc_fixed_sig_pow({base.text}, gains->{name})"
         return self._made(text, _MOTION, magnitude, atom=True)
 
@@ -363,8 +360,10 @@ class _FixedPrinter:
 
     def _in_motion(self, a: _Value) -> _Value:
         """From counts, or 1/256 counts, to the unit of motion."""
-        bits = self.chosen.fraction_bits - (8 if a.unit == _POSITION else 0)
-        return self._made(f"{a.operand} * {2**bits}", _MOTION, a.magnitude << bits)
+        q8 = a.unit == _POSITION
+        bits = self.chosen.fraction_bits - (8 if q8 else 0)
+        text = f"{a.operand} * MOTION_PER_COUNT{'_Q8' if q8 else ''}"
+        return self._made(text, _MOTION, a.magnitude << bits)
 
     def _as_it_is(self, a: _Value) -> _Value:
         """A tick's worth of an acceleration is a velocity; a position error is in its own unit."""
@@ -400,7 +399,7 @@ def fixed_layout(controller: Controller) -> Layout:
     torque = f"2^-{chosen.torque_bits} N m"
     joints = len(controller.joints)
     return assemble(
-        _joint_config(options, torque, chosen),
+        _joint_config(options, torque),
         _joint_state(options, motion, torque),
         _input(options, motion, torque, joints),
         Struct("scale", "Nothing: the units are those of the encoder and the clock.", ()),
@@ -408,13 +407,11 @@ def fixed_layout(controller: Controller) -> Layout:
     )
 
 
-def _joint_config(options: LawOptions, torque: str, chosen: Formats) -> Struct:
+def _joint_config(options: LawOptions, torque: str) -> Struct:
     power, integer = Scalar.FIXED_POWER, Scalar.INT32
     fields = [
         Field("damping", power, "KD sig(ed)^alpha (17), from motion to motion", quantity="kd"),
-        Field(
-            "stiffness", power, "KP sig(e)^beta (17), from 1/256 count to motion", quantity="kp"
-        ),
+        Field("stiffness", power, "KP sig(e)^beta (17), from 1/256 count to motion", quantity="kp"),
         Field(
             "correction",
             power,

@@ -95,9 +95,7 @@ def _input(options: LawOptions, joints: int, real: Scalar) -> Struct:
             "count/256",
             joints,
         ),
-        Field(
-            "reference_velocity_rad_per_s", real, "qd_d(t) of the joint", "rad/s", joints
-        ),
+        Field("reference_velocity_rad_per_s", real, "qd_d(t) of the joint", "rad/s", joints),
         Field(
             "reference_acceleration_rad_per_s2",
             real,

@@ -125,7 +125,7 @@ class Bounds:
     def text(self) -> str:
         """Both bounds, for people."""
         power = math.ceil(math.log2(self.relative) * 100) / 100
-        return f"{self.ulp:.2f} ulp, 2^{power:.2f} relative"
+        return f"{self.ulp:.2f} ulp of the result, 2^{power:.2f} relative"
 
 
 @dataclass(frozen=True)
@@ -482,9 +482,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     options = parser.parse_args(arguments)
     bound = tables()
-    print(
-        f"bound: {bound.bounds.text} (exponents exact in Q31)"
-    )
+    print(f"bound: {bound.bounds.text} (exponents exact in Q31)")
     if not options.exhaustive:
         return 0
     print(f"{'exponent':>8}  {'ulp':>5}  {'relative':>8}  {'at x':>12}  {'drop/ulp':>8}")

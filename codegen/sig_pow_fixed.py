@@ -44,8 +44,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mpmath import floor, iv, log, mpf, nint, power, workprec
 
@@ -241,9 +240,7 @@ def tables() -> FixedTables:
     )
 
 
-def fixed_power(
-    gain: Fraction, exponent: Fraction, base: Fraction = Fraction(1)
-) -> FixedPower:
+def fixed_power(gain: Fraction, exponent: Fraction, base: Fraction = Fraction(1)) -> FixedPower:
     """``gain |base x|^exponent`` as the C takes it, both rounded once, to nearest.
 
     Args:
@@ -267,8 +264,10 @@ def fixed_power(
         return FixedPower(exponent_q31, ZERO_GAIN)
     with workprec(_PRECISION_BITS):
         logarithm = log(mpf(gain.numerator) / gain.denominator, 2)
-        logarithm += mpf(exponent.numerator) / exponent.denominator * log(
-            mpf(base.numerator) / base.denominator, 2
+        logarithm += (
+            mpf(exponent.numerator)
+            / exponent.denominator
+            * log(mpf(base.numerator) / base.denominator, 2)
         )
         scale_q24 = int(nint(logarithm * 2**24))
     if not ZERO_GAIN < scale_q24 <= SCALE_Q24_MAX:

@@ -43,7 +43,6 @@ EXTRA_BITS = 10
 """Bits behind the binary point of the standard kernel's integers."""
 
 CURVATURE_BITS = 12
-_CURVATURE_SHIFT = 32 - CURVATURE_BITS
 _EXTRA = 1 << EXTRA_BITS
 _PRECISION_BITS = 120
 _FIT_NODES = 16
@@ -136,8 +135,10 @@ def _exp2_segment(index: int) -> Segment:
 
 
 def _place(index: int, bits: int) -> tuple[int, range]:
-    """Where the offset is zero, and all offsets: up from the left end of an even segment, down
-    from the right end of an odd one."""
+    """Where the offset is zero, and all offsets.
+
+    They go up from the left end of an even segment, and down from the right end of an odd one.
+    """
     width, odd = 1 << (bits - INDEX_BITS), index % 2
     return (index + odd) * width, range(-odd * width, (1 - odd) * width + 1)
 

@@ -149,7 +149,7 @@ class Specification(_Table):
     accuracy: Accuracy = Field(
         "standard",
         description="Of the powers in float32: standard to 2^-21.75, precise to 2 units in the "
-        "last place at a tenth more cycles.",
+        "last place at a fifth more instructions.",
     )
     law: LawTable
     encoder: EncoderTable

@@ -154,7 +154,9 @@ def _state(joint_memory: Struct, joints: int) -> Struct:
         "The controller's memory. The user owns it and leaves it alone; init fills it.",
         (
             Field("phase", Scalar.UINT32, "TDC_PHASE_START or TDC_PHASE_RUNNING after init"),
-            Field("saturated_joints", Scalar.UINT32, "bit i is set while joint i is cut to its limit"),
+            Field(
+                "saturated_joints", Scalar.UINT32, "bit i is set while joint i is cut to its limit"
+            ),
             Field("joint", joint_memory, "memory of each joint", count=joints),
         ),
     )

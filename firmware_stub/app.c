@@ -17,7 +17,7 @@ static reading read_board(void)
     return now;
 }
 
-static void copy_torque(float to[JOINTS], const float from[JOINTS])
+static void copy_torque(controller_number to[JOINTS], const controller_number from[JOINTS])
 {
     for (uint32_t i = 0u; i < JOINTS; ++i) {
         to[i] = from[i];
@@ -27,7 +27,7 @@ static void copy_torque(float to[JOINTS], const float from[JOINTS])
 static void clear_torque(app *self)
 {
     for (uint32_t i = 0u; i < JOINTS; ++i) {
-        self->torque_Nm[i] = 0.0f;
+        self->torque[i] = (controller_number)0;
     }
 }
 
@@ -56,7 +56,7 @@ static void enter_disabled(app *self)
 
 static void enter_holding_from_disabled(app *self)
 {
-    hal_read_holding_torque(self->torque_Nm);
+    hal_read_holding_torque(self->torque);
     hal_set_brakes(false);
     self->brake_countdown = self->config.brake_ticks;
     self->recent_overruns = 0u;
@@ -65,7 +65,7 @@ static void enter_holding_from_disabled(app *self)
     self->mode = APP_HOLDING;
 }
 
-/* The torque of this tick is the caller's to leave in self->torque_Nm. */
+/* The torque of this tick is the caller's to leave in self->torque. */
 static void enter_fault(app *self, app_fault fault)
 {
     hal_set_fault(true);
@@ -84,7 +84,7 @@ static void enter_fault(app *self, app_fault fault)
 static void enter_running(app *self, const reading *now)
 {
     self->status = controller_init(self->config.controller, &self->controller, now->input.counts,
-                                   self->torque_Nm);
+                                   self->torque);
     if (self->status < TDC_OK) {
         enter_fault(self, APP_CONTROLLER_FAULT);
     } else {
@@ -97,8 +97,8 @@ static bool reference_rests(const controller_input *input)
     bool rests = true;
     for (uint32_t i = 0u; i < JOINTS; ++i) {
         /* Exactly zero: a reference that rests says so. */
-        rests = rests && (input->reference_velocity_rad_per_s[i] == 0.0f) &&
-                (input->reference_acceleration_rad_per_s2[i] == 0.0f);
+        rests = rests && (input->REFERENCE_VELOCITY[i] == (controller_number)0) &&
+                (input->REFERENCE_ACCELERATION[i] == (controller_number)0);
     }
     return rests;
 }
@@ -157,11 +157,10 @@ static void tick_holding(app *self, const reading *now)
 
 static void run_controller(app *self, const reading *now)
 {
-    float torque_Nm[JOINTS];
-    self->status =
-        controller_step(self->config.controller, &self->controller, &now->input, torque_Nm);
+    controller_number torque[JOINTS];
+    self->status = controller_step(self->config.controller, &self->controller, &now->input, torque);
     /* Also after an error: step has written the torque that goes with it. */
-    copy_torque(self->torque_Nm, torque_Nm);
+    copy_torque(self->torque, torque);
     if (self->status < TDC_OK) {
         enter_fault(self, APP_CONTROLLER_FAULT);
     } else if ((asked(self) == APP_HOLD) && reference_rests(&now->input)) {
@@ -256,7 +255,7 @@ static void put_telemetry(app *self, const reading *now)
     };
     for (uint32_t i = 0u; i < JOINTS; ++i) {
         record.counts[i] = now->input.counts[i];
-        record.torque_Nm[i] = self->torque_Nm[i];
+        record.torque_mNm[i] = controller_torque_mNm(self->torque[i]);
     }
     telemetry_put(&self->telemetry, &record);
 }
@@ -269,7 +268,7 @@ void app_tick(app *self)
         --self->brake_countdown;
     }
     tick_mode(self, &now);
-    hal_write_torque(self->torque_Nm);
+    hal_write_torque(self->torque);
     watch_overruns(self);
     if ((self->mode != before) || (self->tick % self->config.telemetry_ticks == 0u)) {
         put_telemetry(self, &now);
@@ -304,7 +303,7 @@ tdc_status app_init(app *self, const app_config *config)
     self->config = *config;
     hal_set_brakes(true);
     hal_set_fault(false);
-    hal_write_torque(self->torque_Nm);
+    hal_write_torque(self->torque);
     return TDC_OK;
 }
 

@@ -68,7 +68,7 @@ extern const app_config app_default_config;
 typedef struct {
     app_config config;
     controller_state controller;
-    float torque_Nm[JOINTS]; /* as written to the drives */
+    controller_number torque[JOINTS]; /* as written to the drives */
     app_mode mode;
     app_fault fault;   /* the last one; stays readable until the next start */
     tdc_status status; /* of the controller's last call */

@@ -19,10 +19,11 @@
 #include CONTROLLER_TEXT(CONTROLLER_PASTE(tdc_, CONTROLLER, ).h)
 
 #define JOINTS CONTROLLER_PASTE(TDC_, CONTROLLER_UPPER, _JOINTS)
-#define SAMPLE_TIME_S CONTROLLER_PASTE(TDC_, CONTROLLER_UPPER, _SAMPLE_TIME_S)
+#define SAMPLE_TIME_S ((float)CONTROLLER_PASTE(TDC_, CONTROLLER_UPPER, _SAMPLE_TIME_S))
 
 typedef CONTROLLER_PASTE(tdc_, CONTROLLER, _config) controller_config;
 typedef CONTROLLER_PASTE(tdc_, CONTROLLER, _state) controller_state;
+typedef CONTROLLER_PASTE(tdc_, CONTROLLER, _joint_config) controller_joint_config;
 typedef CONTROLLER_PASTE(tdc_, CONTROLLER, _joint_state) controller_joint_state;
 typedef CONTROLLER_PASTE(tdc_, CONTROLLER, _input) controller_input;
 
@@ -31,5 +32,15 @@ typedef CONTROLLER_PASTE(tdc_, CONTROLLER, _input) controller_input;
 #define controller_check_config CONTROLLER_PASTE(tdc_, CONTROLLER, _check_config)
 #define controller_init CONTROLLER_PASTE(tdc_, CONTROLLER, _init)
 #define controller_step CONTROLLER_PASTE(tdc_, CONTROLLER, _step)
+
+/*
+ * The numbers of the interface: controller_number, and what makes them of physical units. A
+ * fixed-point controller has included tdc_fixed.h above, so that no build has to say which it is.
+ */
+#ifdef TDC_FIXED_H
+#include "controller_fixed_point.h"
+#else
+#include "controller_floating_point.h"
+#endif
 
 #endif

@@ -27,13 +27,17 @@ bool hal_read_encoders(int32_t counts[JOINTS]);
 bool hal_read_reference(controller_input *input);
 
 /**
- * What holds the robot where it stands [N m], asked when the brakes are about to open; from the
- * tick. Gravity from a table or a model, or zeros for a balanced robot.
+ * What holds the robot where it stands, in the controller's unit of torque: N m, or 2^-T N m in
+ * fixed-point. Asked when the brakes are about to open; from the tick. Gravity from a table or a
+ * model, or zeros for a balanced robot.
  */
-void hal_read_holding_torque(float torque_Nm[JOINTS]);
+void hal_read_holding_torque(controller_number torque[JOINTS]);
 
-/** Hands the torque at the joints to the drives [N m]; from the tick, once in every tick. */
-void hal_write_torque(const float torque_Nm[JOINTS]);
+/**
+ * Hands the torque at the joints to the drives, in the controller's unit; from the tick, once in
+ * every tick.
+ */
+void hal_write_torque(const controller_number torque[JOINTS]);
 
 /** Engages or opens the brakes; from the tick. */
 void hal_set_brakes(bool engaged);

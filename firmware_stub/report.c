@@ -35,11 +35,6 @@ static void write_signed(int32_t number)
     }
 }
 
-static int32_t milli(float value)
-{
-    return (int32_t)(value * 1000.0f);
-}
-
 void report_header(void)
 {
     write_text("# tick mode fault status overruns slowest dropped counts.. torque_mNm..\n");
@@ -58,7 +53,7 @@ void report_record(const telemetry_record *record)
         write_signed(record->counts[i]);
     }
     for (uint32_t i = 0u; i < JOINTS; ++i) {
-        write_signed(milli(record->torque_Nm[i]));
+        write_signed(record->torque_mNm[i]);
     }
     hal_console_write('\n');
 }

@@ -23,7 +23,7 @@ typedef struct {
     uint32_t elapsed; /* timer counts that the slowest tick took */
     uint32_t dropped; /* records lost before this one */
     int32_t counts[JOINTS];
-    float torque_Nm[JOINTS];
+    int32_t torque_mNm[JOINTS];
 } telemetry_record;
 
 typedef struct {

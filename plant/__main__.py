@@ -16,8 +16,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from codegen.emit import GenerationError
 from codegen.problems import SpecificationError
+from codegen.source import GenerationError
 from plant.closed_loop import ControllerError, PlantError
 from plant.controller import LayoutError
 from plant.flight import Backend, fly

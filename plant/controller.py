@@ -98,6 +98,8 @@ class GeneratedController:
         config: the running configuration, as the C reads it.
         state: as the C keeps it.
         input: of the last tick.
+        types: its structures.
+        units: what its numbers mean.
 
     Raises:
         LayoutError: the library holds another specification's controller.
@@ -108,19 +110,19 @@ class GeneratedController:
         self.sources = sources_of(controller) if library is None else None
         compiled = library if self.sources is None else shared_library(self.sources)
         self._library = ctypes.CDLL(str(compiled))
-        self._types = structures(controller)
+        self.types = structures(controller)
         prefix = f"tdc_{controller.name}"
         try:
             self._init = self._library[f"{prefix}_init"]
             self._step = self._library[f"{prefix}_step"]
             self._check_config = self._library[f"{prefix}_check_config"]
-            default = self._types.config.in_dll(self._library, f"{prefix}_default_config")
+            default = self.types.config.in_dll(self._library, f"{prefix}_default_config")
         except (AttributeError, ValueError) as error:
             raise LayoutError(f"{library}: no controller {controller.name} in it") from error
-        self.config = self._types.config.from_buffer_copy(default)
-        self.state = self._types.state()
-        self.input = self._types.input()
-        self._torque = (self._types.torque * len(controller.joints))()
+        self.config = self.types.config.from_buffer_copy(default)
+        self.state = self.types.state()
+        self.input = self.types.input()
+        self._torque = (self.types.torque * len(controller.joints))()
         self._pointers = tuple(
             ctypes.byref(x) for x in (self.config, self.state, self.input, self._torque)
         )
@@ -131,12 +133,17 @@ class GeneratedController:
                 "run `make codegen` and compile again"
             )
         self._counts_per_rad = np.array([1.0 / j.rad_per_count for j in controller.joints])
-        self._units = units(controller)
+        self.units = units(controller)
 
     @property
     def joints(self) -> int:
         """Number of joints."""
         return len(self.specification.joints)
+
+    @property
+    def torque(self) -> NDArray[Any]:
+        """What the last step wrote, as it stands in memory: in the C's own numbers and unit."""
+        return np.array(self._torque)
 
     @property
     def last_memory(self) -> tuple[ctypes.Structure, ...]:
@@ -176,20 +183,11 @@ class GeneratedController:
         c_torque = self.holding_torque(holding_torque_Nm)
         return int(self._init(*self._pointers[:2], c_counts, c_torque))
 
-    @property
-    def torque_type(self) -> Any:
-        """The ctypes type of one torque."""
-        return self._types.torque
-
     def holding_torque(self, torque_Nm: NDArray[np.float64]) -> ctypes.Array[Any]:
         """A holding torque, shape (n,), as ``tdc_NAME_init`` takes it."""
-        stored = self._units.torque.stored(torque_Nm)
-        array: ctypes.Array[Any] = (self._types.torque * self.joints)(*stored.tolist())
+        stored = self.units.torque.stored(torque_Nm)
+        array: ctypes.Array[Any] = (self.types.torque * self.joints)(*stored.tolist())
         return array
-
-    def physical_torque(self, stored: NDArray[Any]) -> NDArray[np.floating[Any]]:
-        """Torques of any shape as the C answers them, in N m."""
-        return self._units.torque.physical(stored)
 
     def inputs(
         self,
@@ -207,10 +205,10 @@ class GeneratedController:
         Returns:
             An array of the C's structures, shape (ticks,).
         """
-        made = np.zeros(len(position_rad), dtype=np.dtype(self._types.input))
+        made = np.zeros(len(position_rad), dtype=np.dtype(self.types.input))
         made["reference_position_q8"] = self.position_q8(position_rad)
-        made[self._units.velocity.field] = self._units.velocity.stored(velocity_rad_per_s)
-        acceleration = self._units.acceleration
+        made[self.units.velocity.field] = self.units.velocity.stored(velocity_rad_per_s)
+        acceleration = self.units.acceleration
         made[acceleration.field] = acceleration.stored(acceleration_rad_per_s2)
         return made
 
@@ -228,7 +226,7 @@ class GeneratedController:
         acceleration_rad_per_s2: NDArray[np.float64],
     ) -> ControllerOutput:
         """One tick of ``tdc_NAME_step``; all arguments have shape (n,)."""
-        given, units = self.input, self._units
+        given, units = self.input, self.units
         given.counts[:] = counts.tolist()
         given.reference_position_q8[:] = self.position_q8(position_rad).tolist()
         for unit, value in (
@@ -237,7 +235,7 @@ class GeneratedController:
         ):
             getattr(given, unit.field)[:] = unit.stored(value).tolist()
         status = int(self._step(*self._pointers))
-        return ControllerOutput(units.torque.physical(np.array(self._torque)), status)
+        return ControllerOutput(units.torque.physical(self.torque), status)
 
 
 def _value(struct: ctypes.Structure, name: str) -> FieldValue:

@@ -14,20 +14,21 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from codegen.c99 import UnprintableError
 from codegen.controller import Controller, load
-from codegen.emit import GenerationError
+from codegen.literals import UnprintableError
 from codegen.problems import SpecificationError
+from codegen.source import GenerationError
 from plant.closed_loop import ControllerError, PlantError
 from plant.controller import LayoutError
 from plant.native import BUILD, CompilerError
 from plant.robot import RobotError
+from verification.accuracy import ARITHMETICS, PHASES, measure
 from verification.certificates.sig_pow.kernel import KernelError
-from verification.certificates.sig_pow.present import shipped, verdict
+from verification.certificates.sig_pow.present import Verdict, shipped, verdict
 from verification.chain.links import BLOCK_STEPS, blocks_of, chain
 from verification.chain.present import failures, notes, table_of
 from verification.equivalence import check_all, summary, variants
-from verification.evidence import RESULTS, plain, write_json
+from verification.evidence import RESULTS, current_json, plain, write_json
 from verification.experiments import (
     ALL,
     CONTROLLERS,
@@ -37,6 +38,7 @@ from verification.experiments import (
     rank_correlation,
 )
 from verification.firmware import ToolError, board_names, load_board
+from verification.paper import table_2
 from verification.report.content import Results
 from verification.report.page import write
 from verification.report.processor import found
@@ -50,6 +52,8 @@ REPORT_STEPS = 20_000
 LEAST_STEPS = 100
 """Fewer may hold no step that succeeds, and say nothing."""
 NAMES = ("puma3", "puma6")
+CHAIN_NAMES = (*NAMES, "puma3_fixed")
+"""In fixed-point the chain has its last link: the bits on the targets."""
 
 _BAD_INPUT = (
     SpecificationError,
@@ -112,9 +116,13 @@ def _symbolic(arguments: argparse.Namespace, console: Console, progress: Console
     return 0 if all(proof.holds for proof in proofs) else 1
 
 
-def _sig_pow(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
+def _kernels(progress: Console, exhaustive: bool = False) -> list[Verdict]:
     with progress.status("interval arithmetic"):
-        verdicts = [verdict(*kernel, arguments.exhaustive) for kernel in shipped()]
+        return [verdict(*kernel, exhaustive) for kernel in shipped()]
+
+
+def _sig_pow(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
+    verdicts = _kernels(progress, arguments.exhaustive)
     if not arguments.json:
         for found in verdicts:
             console.print(f"{found.function} of {', '.join(found.controllers)}", markup=False)
@@ -168,7 +176,7 @@ def _equivalence(arguments: argparse.Namespace, console: Console, progress: Cons
 
 
 def _chain(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
-    controllers = _controllers(arguments.controller or NAMES)
+    controllers = _controllers(arguments.controller or CHAIN_NAMES)
     boards = [load_board(name) for name in arguments.board or board_names()]
     blocks = blocks_of(arguments.steps)
     total = blocks.count * blocks.steps * len(boards) * len(controllers)
@@ -208,9 +216,42 @@ def _experiments(arguments: argparse.Namespace, console: Console, progress: Cons
     return 0
 
 
+def _accuracy(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
+    total = len(table_2()) * len(ARITHMETICS) * arguments.phases
+    with _bar(progress, "closed loops", total) as advance:
+        result = measure(phases=arguments.phases, advance=advance)
+    if not arguments.json:
+        table = Table("row", *ARITHMETICS.values())
+        table.caption = (
+            f"RMS in deg, joints 1 2 3; mean over {result.phases} encoder phases; difference from "
+            "float64 in per cent"
+        )
+        for row in table_2():
+            cells = [cell for cell in result.cells if cell.row == row]
+            table.add_row(
+                row,
+                *(
+                    "\n".join(
+                        f"{rms:.5f} {100 * off:+.1f}"
+                        for rms, off in zip(cell.rms_deg, cell.difference, strict=True)
+                    )
+                    for cell in cells
+                ),
+            )
+        console.print(table)
+        for name, says in ARITHMETICS.items():
+            console.print(
+                f"{says}: {result.mean_difference[name]:+.2%} from float64 over all cells, at most "
+                f"{result.largest_difference[name]:.2%} in one"
+            )
+    _leave(plain(result), "accuracy", arguments.json, console)
+    return 0
+
+
 def _report(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
     controllers = _controllers(NAMES)
     proofs = _proofs(progress)
+    kernels = _kernels(progress)
     with _bar(progress, "closed loops", len(ALL)) as advance:
         outcomes = conduct_all(advance=lambda _: advance(1))
     total = sum(len(variants(c)) for c in controllers) * arguments.steps
@@ -218,10 +259,23 @@ def _report(arguments: argparse.Namespace, console: Console, progress: Console) 
         equivalence = check_all(controllers, arguments.steps, advance)
     with progress.status("pictures"):
         page = write(
-            Results(outcomes, equivalence, proofs, arguments.steps, found()), arguments.output
+            Results(
+                outcomes,
+                equivalence,
+                proofs,
+                arguments.steps,
+                found(),
+                kernels,
+                current_json(RESULTS / "accuracy.json"),
+            ),
+            arguments.output,
         )
     console.print(f"report: {_shown(page)}")
-    good = all(p.holds for p in proofs) and all(r.holds for e in equivalence.values() for r in e)
+    good = (
+        all(p.holds for p in proofs)
+        and all(k.holds for k in kernels)
+        and all(r.holds for e in equivalence.values() for r in e)
+    )
     if not good:
         console.print("Some checks failed; the report says which.", style="red")
     return 0 if good else 1
@@ -284,6 +338,13 @@ def _parser() -> argparse.ArgumentParser:
         "--controller", action="append", metavar="NAME", help="of controllers/; again for more"
     )
     with_json(linked)
+
+    says = "Table II flown in float32, float64 and fixed-point, several times each"
+    accuracy = command("accuracy", _accuracy, says)
+    accuracy.add_argument(
+        "--phases", type=int, default=PHASES, help="encoder phases (default: %(default)s)"
+    )
+    with_json(accuracy)
 
     says = "the error of sig_pow for every float and every exponent, proved and checked"
     kernel = command("sig-pow", _sig_pow, says)

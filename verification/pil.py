@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,7 @@ from plant.flight import DEFAULT_ROBOTS
 from plant.native import BUILD, CompilerError
 from plant.robot import load_robot
 from plant.trajectory import Reference, RestToRest
+from plant.units import Unit
 from verification.evidence import Evidence, write_json
 from verification.firmware import (
     Board,
@@ -49,6 +51,18 @@ from verification.firmware import (
 from verification.target import IMAGES, Link, Target, TargetError
 
 RESULT = BUILD / "pil" / "pil.json"
+
+
+class Answer(NamedTuple):
+    """What a side answers at a tick.
+
+    Attributes:
+        torque: in the C's own numbers and unit, shape (n,).
+        status: of ``tdc_NAME_step``.
+    """
+
+    torque: NDArray[Any]
+    status: int
 
 
 @dataclass
@@ -65,8 +79,8 @@ class Recording:
 
     start: tuple[NDArray[np.int32], Floats] | None = None
     inputs: list[bytes] = field(default_factory=list)
-    target: list[ControllerOutput] = field(default_factory=list)
-    host: list[ControllerOutput] = field(default_factory=list)
+    target: list[Answer] = field(default_factory=list)
+    host: list[Answer] = field(default_factory=list)
     exchange_s: float = 0.0
 
 
@@ -106,17 +120,17 @@ class TargetController:
         /,
     ) -> ControllerOutput:
         """One tick on both sides; returns the target's answer."""
-        of_host = self._host.step(counts, position_rad, velocity_rad_per_s, acceleration_rad_per_s2)
-        given = bytes(self._host.input)
+        host = self._host
+        status = host.step(counts, position_rad, velocity_rad_per_s, acceleration_rad_per_s2).status
+        given = bytes(host.input)
         start = time.perf_counter()
         reply = self._target.step(given)
         record = self.recording
         record.exchange_s += time.perf_counter() - start
-        of_target = ControllerOutput(reply.torque_Nm, reply.status)
         record.inputs.append(given)
-        record.host.append(of_host)
-        record.target.append(of_target)
-        return of_target
+        record.host.append(Answer(host.torque, status))
+        record.target.append(Answer(reply.torque, reply.status))
+        return ControllerOutput(host.units.torque.physical(reply.torque), reply.status)
 
 
 @dataclass(frozen=True)
@@ -149,31 +163,35 @@ class Mismatch:
         )
 
 
-def torques(outputs: Sequence[ControllerOutput]) -> NDArray[np.float32]:
-    """Little-endian torques, shape (ticks, n)."""
-    return np.array([output.torque_Nm for output in outputs], dtype="<f4")
+def first_mismatch(target: Sequence[Answer], host: Sequence[Answer], unit: Unit) -> Mismatch | None:
+    """Compares torques bit by bit (so that -0 is not 0, and NaN may be equal), and statuses.
 
-
-def first_mismatch(
-    target: Sequence[ControllerOutput], host: Sequence[ControllerOutput]
-) -> Mismatch | None:
-    """Compares torques bit by bit (so that -0 is not 0, and NaN may be equal), and statuses."""
+    Args:
+        target: its answers.
+        host: the host's.
+        unit: of a torque.
+    """
     for tick, (mine, theirs) in enumerate(zip(target, host, strict=True)):
-        my_bits, their_bits = mine.torque_Nm.view(np.uint32), theirs.torque_Nm.view(np.uint32)
+        my_bits, their_bits = _bits(mine.torque), _bits(theirs.torque)
         different = np.flatnonzero(my_bits != their_bits)
         if len(different):
             joint = int(different[0])
+            digits = 2 * my_bits.itemsize
             return Mismatch(
                 tick,
                 joint,
-                str(mine.torque_Nm[joint]),
-                str(theirs.torque_Nm[joint]),
-                f"0x{my_bits[joint]:08X}",
-                f"0x{their_bits[joint]:08X}",
+                str(unit.physical(mine.torque)[joint]),
+                str(unit.physical(theirs.torque)[joint]),
+                f"0x{my_bits[joint]:0{digits}X}",
+                f"0x{their_bits[joint]:0{digits}X}",
             )
         if mine.status != theirs.status:
             return Mismatch(tick, None, str(mine.status), str(theirs.status))
     return None
+
+
+def _bits(torque: NDArray[Any]) -> NDArray[np.unsignedinteger[Any]]:
+    return torque.view(f"u{torque.itemsize}")
 
 
 class _Beginning(RestToRest):
@@ -214,7 +232,14 @@ class Flight:
         return host
 
 
-FLIGHTS = (Flight("puma3", "Exp01"), Flight("puma3", "Exp08"), Flight("puma6"))
+FLIGHTS = (
+    Flight("puma3", "Exp01"),
+    Flight("puma3", "Exp08"),
+    Flight("puma3_fixed"),
+    Flight("puma3_float64"),
+    Flight("puma3_precise"),
+    Flight("puma6"),
+)
 
 
 @dataclass(frozen=True)
@@ -228,7 +253,8 @@ class PilRun:
         experiment: whose gains it flew with, None for the specification's own.
         link: how host and target talked.
         ticks: length of the run.
-        target_sha256: of all torques, little-endian binary32, tick by tick.
+        target_sha256: of all torques tick by tick, little-endian numbers of the C: binary32,
+            binary64, or int32 in fixed-point.
         host_sha256: the same of the host's C on the same inputs.
         equal: whether all torques and statuses are bit-equal, replayed ones included.
         mismatch: the first difference, or None.
@@ -280,7 +306,7 @@ def fly(target: Target, host: GeneratedController, ticks: int | None = None) -> 
         )
     except (ControllerError, PlantError):
         record = controller.recording
-        if first_mismatch(record.target, record.host) is None:
+        if first_mismatch(record.target, record.host, host.units.torque) is None:
             raise
     return controller.recording
 
@@ -312,10 +338,11 @@ def run(
         start = time.perf_counter()
         record = fly(target, host, ticks)
         total_s = time.perf_counter() - start
-        mismatch = first_mismatch(record.target, record.host)
+        unit = host.units.torque
+        mismatch = first_mismatch(record.target, record.host, unit)
         if link == "semihosting":
             replayed, replay_s = _replay(target, host, record)
-            mismatch = mismatch or first_mismatch(replayed, record.target)
+            mismatch = mismatch or first_mismatch(replayed, record.target, unit)
     return PilRun(
         board=board.name,
         core=board.core,
@@ -335,17 +362,18 @@ def run(
 
 def _replay(
     target: Target, host: GeneratedController, record: Recording
-) -> tuple[list[ControllerOutput], float]:
+) -> tuple[list[Answer], float]:
     assert record.start is not None
     target.reset(host.config, *record.start)
     start = time.perf_counter()
     replies = target.replay(record.inputs)
     seconds = time.perf_counter() - start
-    return [ControllerOutput(r["torque"].copy(), int(r["status"])) for r in replies], seconds
+    return [Answer(r["torque"].copy(), int(r["status"])) for r in replies], seconds
 
 
-def _sha256(outputs: Sequence[ControllerOutput]) -> str:
-    return hashlib.sha256(torques(outputs).tobytes()).hexdigest()
+def _sha256(answers: Sequence[Answer]) -> str:
+    torques = np.array([answer.torque for answer in answers])
+    return hashlib.sha256(torques.astype(torques.dtype.newbyteorder("<")).tobytes()).hexdigest()
 
 
 # --- The command ------------------------------------------------------------------------------

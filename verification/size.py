@@ -45,7 +45,7 @@ from verification.pil import Flight, fly
 from verification.target import Target, TargetError
 
 RESULT = FIRMWARE_BUILD / "size.json"
-CONTROLLERS = ("puma3", "puma6")
+CONTROLLERS = ("puma3", "puma3_fixed", "puma6")
 _MEASURED_TICKS = 100
 
 # app_mode of firmware_stub/app.h.

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from codegen.emit import identity
 from plant.closed_loop import Floats
-from plant.controller import GeneratedController
+from plant.controller import GeneratedController, Structures
 from verification.firmware import (
     SERIAL_ON_STDIO,
     STUB,
@@ -61,12 +61,43 @@ class Reply:
     Attributes:
         status: of ``tdc_NAME_init`` or ``tdc_NAME_step``.
         stack_bytes: the controller's stack below its caller, 0 where it was not measured.
-        torque_Nm: shape (n,).
+        torque: in the C's own numbers and unit, shape (n,).
     """
 
     status: int
     stack_bytes: int
-    torque_Nm: NDArray[np.float32]
+    torque: NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Frames:
+    """The structures of `pil/protocol.h` for a controller.
+
+    They lie in memory as the compilers of both sides lay them out; the hello tells their sizes.
+    """
+
+    reset: type[ctypes.Structure]
+    request: type[ctypes.Structure]
+    reply: type[ctypes.Structure]
+
+
+def frames(types: Structures, joints: int) -> Frames:
+    """The frames that hold a controller's structures."""
+
+    def struct(name: str, **fields: Any) -> type[ctypes.Structure]:
+        return type(name, (ctypes.Structure,), {"_fields_": list(fields.items())})
+
+    torque = types.torque * joints
+    reset = struct(
+        "pil_reset", config=types.config, counts=ctypes.c_int32 * joints, holding_torque=torque
+    )
+    either = [("reset", reset), ("input", types.input)]
+    payload = type("payload", (ctypes.Union,), {"_fields_": either})
+    return Frames(
+        reset,
+        struct("pil_request", command=ctypes.c_uint32, payload=payload),
+        struct("pil_reply", status=ctypes.c_int32, stack=ctypes.c_uint32, torque=torque),
+    )
 
 
 class Target:
@@ -92,19 +123,17 @@ class Target:
     ) -> None:
         self._board, self._image, self._link = board, image, link
         self._numbers = _protocol()
-        joints = controller.joints
-        config, given = type(controller.config), type(controller.input)
-        self._reset_bytes = ctypes.sizeof(config) + 8 * joints
-        self._payload_bytes = max(self._reset_bytes, ctypes.sizeof(given))
-        self.reply = np.dtype([("status", "<i4"), ("stack", "<u4"), ("torque", "<f4", (joints,))])
+        self._torque = controller.units.torque
+        self._frames = frames(controller.types, controller.joints)
+        self.reply = np.dtype(self._frames.reply)
         self._hello = np.array(
             [
                 self._numbers["PIL_MAGIC"],
                 identity(controller.specification),
-                joints,
-                ctypes.sizeof(config),
-                ctypes.sizeof(given),
-                4 + self._payload_bytes,
+                controller.joints,
+                ctypes.sizeof(controller.types.config),
+                ctypes.sizeof(controller.types.input),
+                ctypes.sizeof(self._frames.request),
                 self.reply.itemsize,
             ],
             dtype="<u4",
@@ -243,24 +272,24 @@ class Target:
         )
 
     def _request(self, command: str, payload: bytes) -> bytes:
+        request = self._frames.request
         number = self._numbers[command].to_bytes(4, "little")
-        return number + payload.ljust(self._payload_bytes, b"\0")
+        start = number.ljust(request.payload.offset, b"\0")
+        return (start + payload).ljust(ctypes.sizeof(request), b"\0")
 
     def _ask(self, command: str, payload: bytes) -> Reply:
         answer = self.exchange(self._request(command, payload), self.reply.itemsize)
         record = np.frombuffer(answer, self.reply)[0]
         return Reply(int(record["status"]), int(record["stack"]), record["torque"].copy())
 
-    def _reset_payload(
-        self, config: ctypes.Structure, counts: NDArray[np.int32], torque_Nm: Floats
-    ) -> bytes:
-        return bytes(config) + counts.astype("<i4").tobytes() + torque_Nm.astype("<f4").tobytes()
-
     def reset(
         self, config: ctypes.Structure, counts: NDArray[np.int32], torque_Nm: Floats
     ) -> Reply:
         """Calls ``tdc_NAME_init`` on the target, with this configuration."""
-        return self._ask("PIL_RESET", self._reset_payload(config, counts, torque_Nm))
+        payload = self._frames.reset(config=config)
+        payload.counts[:] = counts.tolist()
+        payload.holding_torque[:] = self._torque.stored(torque_Nm).tolist()
+        return self._ask("PIL_RESET", bytes(payload))
 
     def step(self, given: bytes, *, measured: bool = False) -> Reply:
         """Calls ``tdc_NAME_step`` on the target.

@@ -51,14 +51,14 @@ bool hal_read_reference(controller_input *input)
     return true;
 }
 
-void hal_read_holding_torque(float torque_Nm[JOINTS])
+void hal_read_holding_torque(controller_number torque[JOINTS])
 {
-    simulated_robot_holding_torque(torque_Nm);
+    simulated_robot_holding_torque(torque);
 }
 
-void hal_write_torque(const float torque_Nm[JOINTS])
+void hal_write_torque(const controller_number torque[JOINTS])
 {
-    simulated_robot_advance(torque_Nm, braked);
+    simulated_robot_advance(torque, braked);
 }
 
 void hal_set_brakes(bool engaged)

@@ -21,7 +21,7 @@ static uint32_t reference_tick;
 
 static int32_t q8_of(float angle_rad, uint32_t i)
 {
-    const float q8 = angle_rad * controller_counts_per_rad[i] * 256.0f;
+    const float q8 = angle_rad * (float)controller_counts_per_rad[i] * 256.0f;
     return (int32_t)(q8 + ((q8 < 0.0f) ? -0.5f : 0.5f));
 }
 
@@ -76,28 +76,31 @@ void simulated_robot_reference(controller_input *input)
     const motion at = reference_motion(reference_tick);
     for (uint32_t i = 0u; i < JOINTS; ++i) {
         input->reference_position_q8[i] = q8_of(STROKE_RAD * at.position, i);
-        input->reference_velocity_rad_per_s[i] = STROKE_RAD * at.velocity;
-        input->reference_acceleration_rad_per_s2[i] = STROKE_RAD * at.acceleration;
+        input->REFERENCE_VELOCITY[i] = controller_velocity(STROKE_RAD * at.velocity, i);
+        input->REFERENCE_ACCELERATION[i] = controller_acceleration(STROKE_RAD * at.acceleration, i);
     }
     ++reference_tick;
 }
 
-void simulated_robot_holding_torque(float torque_Nm[JOINTS])
+static float load_Nm(uint32_t i)
+{
+    return LOAD * controller_torque_Nm(controller_default_config.joint[i].TORQUE_LIMIT);
+}
+
+void simulated_robot_holding_torque(controller_number torque[JOINTS])
 {
     for (uint32_t i = 0u; i < JOINTS; ++i) {
-        torque_Nm[i] = LOAD * controller_default_config.joint[i].torque_limit_Nm;
+        torque[i] = controller_torque(load_Nm(i));
     }
 }
 
-void simulated_robot_advance(const float torque_Nm[JOINTS], bool braked)
+void simulated_robot_advance(const controller_number torque[JOINTS], bool braked)
 {
-    float load_Nm[JOINTS];
-    simulated_robot_holding_torque(load_Nm);
     for (uint32_t i = 0u; i < JOINTS; ++i) {
-        const float inertia_kgm2 = INERTIA * controller_default_config.joint[i].inertia_kgm2;
+        const float inertia_kgm2 = INERTIA * controller_inertia_kgm2(i);
         joint *const moved = &joints[i];
-        const float acceleration =
-            ((torque_Nm[i] - load_Nm[i]) / inertia_kgm2) - (FRICTION * moved->velocity_rad_per_s);
+        const float acceleration = ((controller_torque_Nm(torque[i]) - load_Nm(i)) / inertia_kgm2) -
+                                   (FRICTION * moved->velocity_rad_per_s);
         moved->velocity_rad_per_s += acceleration * SAMPLE_TIME_S;
         if (braked) {
             moved->velocity_rad_per_s = 0.0f;

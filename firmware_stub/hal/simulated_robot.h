@@ -4,7 +4,7 @@
 /*
  * A robot for boards that have none: each joint is an inertia with friction and a constant load,
  * behind an encoder. It is there to see the application at work; the robot that the controller is
- * judged on is in plant/.
+ * judged on is in plant/. It computes in float whatever the controller does: no real robot does.
  */
 
 #include <stdbool.h>
@@ -18,9 +18,9 @@ void simulated_robot_read_encoders(int32_t counts[JOINTS]);
 void simulated_robot_reference(controller_input *input);
 
 /** What holds the load. */
-void simulated_robot_holding_torque(float torque_Nm[JOINTS]);
+void simulated_robot_holding_torque(controller_number torque[JOINTS]);
 
 /** Moves the robot by one sample time. */
-void simulated_robot_advance(const float torque_Nm[JOINTS], bool braked);
+void simulated_robot_advance(const controller_number torque[JOINTS], bool braked);
 
 #endif

@@ -16,7 +16,7 @@ static pil_reply reset(const pil_reset *with)
     config = with->config;
     stack_paint();
     const uintptr_t here = core_stack_pointer();
-    reply.status = controller_init(&config, &state, with->counts, with->holding_torque_Nm);
+    reply.status = controller_init(&config, &state, with->counts, with->holding_torque);
     reply.controller_stack_bytes = (uint32_t)(here - stack_deepest());
     return reply;
 }
@@ -24,7 +24,7 @@ static pil_reply reset(const pil_reset *with)
 static pil_reply step(const controller_input *input)
 {
     pil_reply reply = {.status = 0};
-    reply.status = controller_step(&config, &state, input, reply.torque_Nm);
+    reply.status = controller_step(&config, &state, input, reply.torque);
     return reply;
 }
 
@@ -33,7 +33,7 @@ static pil_reply measured_step(const controller_input *input)
     pil_reply reply = {.status = 0};
     stack_paint();
     const uintptr_t here = core_stack_pointer();
-    reply.status = controller_step(&config, &state, input, reply.torque_Nm);
+    reply.status = controller_step(&config, &state, input, reply.torque);
     reply.controller_stack_bytes = (uint32_t)(here - stack_deepest());
     return reply;
 }

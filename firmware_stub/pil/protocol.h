@@ -3,7 +3,8 @@
 
 /*
  * Processor in the loop: what host and target say to each other. All frames of a direction have
- * one size; all words are 32 bits, little-endian on both sides, without padding.
+ * one size; all numbers are little-endian, and structures lie as both compilers lay them out: what
+ * has no double has no padding.
  *
  *     target -> host   pil_hello                         once
  *     host -> target   pil_request                       as often as the host likes
@@ -35,7 +36,7 @@ typedef struct {
 typedef struct {
     controller_config config;
     int32_t counts[JOINTS];
-    float holding_torque_Nm[JOINTS];
+    controller_number holding_torque[JOINTS];
 } pil_reset;
 
 typedef struct {
@@ -47,9 +48,9 @@ typedef struct {
 } pil_request;
 
 typedef struct {
-    int32_t status;                  /* of init or step */
-    uint32_t controller_stack_bytes; /* 0 for a plain step */
-    float torque_Nm[JOINTS];         /* zeros for a reset */
+    int32_t status;                   /* of init or step */
+    uint32_t controller_stack_bytes;  /* 0 for a plain step */
+    controller_number torque[JOINTS]; /* zeros for a reset */
 } pil_reply;
 
 #endif

@@ -291,7 +291,7 @@ def _told(
         qdd_ref=reference.acceleration_rad_per_s2,
         counts=record["counts"],
         q_encoder=plant.encoder.positions_rad(record["counts"]),
-        torque_commanded_Nm=controller.physical_torque(record["torque_commanded"]),
+        torque_commanded_Nm=controller.units.torque.physical(record["torque_commanded"]),
         torque_applied_Nm=record["torque_applied_Nm"],
         friction_Nm=record["friction_Nm"],
         status=record["status"],
@@ -305,7 +305,7 @@ def _record(reference: Reference, controller: GeneratedController) -> dict[str, 
     doubles = ("q", "qd", "torque_applied_Nm", "friction_Nm")
     return {name: np.zeros(shape) for name in doubles} | {
         "counts": np.zeros(shape, dtype=np.int32),
-        "torque_commanded": np.zeros(shape, dtype=controller.torque_type),
+        "torque_commanded": np.zeros(shape, dtype=controller.types.torque),
         "status": np.zeros(shape[0], dtype=np.int64),
     }
 

@@ -10,18 +10,21 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from codegen.controller import Controller
 from codegen.emit import FORMAT_STYLE
 from plant.controller import OK, SATURATED, structures
 from plant.native import shared_library, sources_of
+from plant.units import units
 from tests.repository.conftest import ROOT
 from verification.bench import __main__ as command_line
 from verification.bench.count import replay
 from verification.bench.program import build, harness, plugin, prepare, write_data
 from verification.bench.recording import (
     Kind,
+    Outcome,
     Replayed,
     all_sequences,
     controller_of,
@@ -37,6 +40,7 @@ from verification.bench.variants import (
     PROJECT_LINEAR,
     TARGET,
     VARIANTS,
+    WITH_POWERS,
     Variant,
 )
 from verification.firmware import ToolError, load_board
@@ -76,7 +80,7 @@ def test_another_law_is_noticed() -> None:
 def test_a_plugin_that_miscounts_is_noticed(tmp_path: Path) -> None:
     board = load_board(BOARD)
     sequences = (record(JOINTS),)
-    data = write_data(JOINTS, sequences, tmp_path)
+    data = write_data(controller_of(JOINTS), sequences, tmp_path)
     prepared = prepare(LINEAR_FLOOR, JOINTS, tmp_path)
     program = build(board, prepared, harness(board, prepared, data, tmp_path), tmp_path)
 
@@ -109,16 +113,28 @@ def test_a_record_that_lost_instructions_is_noticed(
         measure([BOARD], [JOINTS], [NAIVE_DOUBLE, PROJECT])
 
 
-def test_a_step_whose_time_depends_on_the_data_is_noticed() -> None:
-    slow_when_saturated = rewritten(
+STEP = "(void)controller_step(&controller_default_config, &state, input, torque);"
+WASTE = "for (volatile int i = 0; i < 50; ++i) { }"
+
+
+def test_a_tick_at_a_limit_that_takes_long_is_noticed() -> None:
+    slow = rewritten(
         PROJECT,
         "project.c",
-        "(void)controller_step(&controller_default_config, &state, input, torque_Nm);",
-        "if (controller_step(&controller_default_config, &state, input, torque_Nm) == "
-        "TDC_SATURATED) { for (volatile int i = 0; i < 50; ++i) { } }",
+        STEP,
+        "if (controller_step(&controller_default_config, &state, input, torque) == "
+        f"TDC_SATURATED) {{ {WASTE} }}",
     )
-    result = measure([BOARD], [JOINTS], [NAIVE_DOUBLE, slow_when_saturated])
-    assert spreads(result.rows)[0].relative > 0.1
+    spread = spreads(measure([BOARD], [JOINTS], [NAIVE_DOUBLE, slow]).rows)[0]
+    assert spread.usual_fewest == spread.usual_most
+    assert spread.worst_relative > 0.6
+
+
+def test_usual_ticks_whose_time_depends_on_the_data_are_noticed() -> None:
+    slow = rewritten(PROJECT, "project.c", STEP, f"{STEP} if (torque[1] < -30.0f) {{ {WASTE} }}")
+    spread = spreads(measure([BOARD], [JOINTS], [NAIVE_DOUBLE, slow]).rows)[0]
+    assert spread.usual_most > 1.5 * spread.usual_fewest
+    assert f"{spread.usual_fewest} to {spread.usual_most}" in spread.statement
 
 
 @pytest.mark.parametrize(
@@ -158,19 +174,18 @@ def test_a_missing_c_library_is_named_with_its_package(monkeypatch: pytest.Monke
 
 
 @cache
-def compiled(joints: int) -> tuple[Controller, ctypes.CDLL]:
-    controller = controller_of(joints)
-    return controller, ctypes.CDLL(str(shared_library(sources_of(controller))))
+def compiled(controller: Controller) -> ctypes.CDLL:
+    return ctypes.CDLL(str(shared_library(sources_of(controller))))
 
 
-def statuses(sequence: Replayed) -> list[int]:
+def statuses(controller: Controller, sequence: Replayed) -> list[int]:
     """What the generated C on this computer says to each tick."""
-    controller, library = compiled(len(sequence.counts))
-    types = structures(controller)
+    library, types, joints = compiled(controller), structures(controller), len(sequence.counts)
     config = types.config.in_dll(library, f"tdc_{controller.name}_default_config")
-    state, torque = types.state(), (ctypes.c_float * len(sequence.counts))()
-    counts = (ctypes.c_int32 * len(sequence.counts))(*sequence.counts)
-    holding = (ctypes.c_float * len(sequence.counts))(*sequence.holding_torque)
+    state, torque = types.state(), (types.torque * joints)()
+    counts = (ctypes.c_int32 * joints)(*sequence.counts)
+    stored = units(controller).torque.stored(np.array(sequence.holding_torque))
+    holding = (types.torque * joints)(*stored.tolist())
     pointers = ctypes.byref(config), ctypes.byref(state)
     assert library[f"tdc_{controller.name}_init"](*pointers, counts, holding) == OK
     data = input_bytes(controller, (sequence,))
@@ -182,21 +197,22 @@ def statuses(sequence: Replayed) -> list[int]:
     ]
 
 
+@pytest.mark.parametrize("variant", WITH_POWERS, ids=lambda v: str(v.name))
 @pytest.mark.parametrize("joints", [3, 6])
-def test_cases_are_what_they_say(joints: int) -> None:
-    sequences = all_sequences(joints)
+def test_cases_are_what_they_say(joints: int, variant: Variant) -> None:
+    controller = controller_of(joints, None, variant.numbers)
+    sequences = all_sequences(controller)
     names = [s.name for s in sequences if s.kind is not Kind.RANDOM]
     assert len(set(names)) == len(names)
     for sequence in sequences:
-        found = statuses(sequence)
-        if sequence.kind is Kind.RECORDED:
-            assert set(found) == {OK}, "the motion is to stay within the torque limits"
-        elif sequence.kind is Kind.SPECIAL:
-            assert (found[-1] < 0) == sequence.fails, sequence.name
-            assert (found[-1] == SATURATED) >= ("saturated" in sequence.name)
-        else:
-            assert all(status >= 0 for status in found[:-1])
-    random = [statuses(s)[-1] for s in sequences if s.kind is Kind.RANDOM]
+        found = statuses(controller, sequence)
+        assert set(found[:-1]) <= {OK}, "what comes before the last tick is usual"
+        if sequence.outcome is Outcome.ERROR:
+            assert found[-1] < 0, sequence.name
+        elif sequence.outcome is not Outcome.ANY:
+            limited = sequence.outcome is Outcome.LIMIT
+            assert found[-1] == (SATURATED if limited else OK), sequence.name
+    random = [statuses(controller, s)[-1] for s in sequences if s.kind is Kind.RANDOM]
     assert min(random) < 0 <= max(random), "random bits are to reach both ends"
 
 

@@ -325,6 +325,21 @@ def test_the_widest_limit_of_the_displacement_is_no_jump(
     assert step(puma3, [_wrap(sign * (2**31 - 2))] * N)[1] == OK
 
 
+def test_an_infinite_integral_fails_every_tick_until_init(puma3: GeneratedController) -> None:
+    """Only the torque is looked at; the header says what errors of 1e30 rad do."""
+    gains, largest = puma3.config.joint[0], float(np.finfo(np.float32).max)
+    gains.inertia_kgm2, gains.kd, gains.kp = 1e-38, 0.0, 3e38
+    assert puma3.check_config() == OK
+    start(puma3)
+    _, status = step(puma3, [0] * N, reference_q8=[2 * 10**7, 0, 0], velocity=[-largest, 0.0, 0.0])
+    assert status == OK
+    assert math.isinf(puma3.last_memory[0].sliding_integral_rad_per_s)
+    for _ in range(3):
+        assert step(puma3, [0] * N)[1] == NOT_FINITE
+    start(puma3)
+    assert step(puma3, [0] * N)[1] == OK
+
+
 @pytest.mark.parametrize("sign", [1, -1])
 def test_the_largest_plausible_displacement_is_no_jump(
     puma3: GeneratedController, sign: int

@@ -11,6 +11,15 @@
 
 #define BRAKE_TICKS 5u
 
+/* A reference that no controller takes, and what it says of it. */
+#ifdef TDC_FIXED_H
+#define IMPOSSIBLE_VELOCITY INT32_MIN
+#define IMPOSSIBLE TDC_OUT_OF_RANGE
+#else
+#define IMPOSSIBLE_VELOCITY (FLT_MAX * 2.0f)
+#define IMPOSSIBLE TDC_NOT_FINITE
+#endif
+
 static app application;
 static controller_config gains;
 static app_config configuration;
@@ -69,20 +78,19 @@ static void start_running(void)
     EXPECT(application.mode == APP_RUNNING);
 }
 
-static int torque_is(const float torque_Nm[JOINTS])
+static int same_bits(const void *one, const void *other, size_t size)
 {
-    int same = 1;
-    for (uint32_t i = 0u; i < JOINTS; ++i) {
-        if (tdc_bits(fake.torque_Nm[i]) != tdc_bits(torque_Nm[i])) {
-            same = 0;
-        }
-    }
-    return same;
+    return (memcmp(one, other, size) == 0) ? 1 : 0;
+}
+
+static int torque_is(const controller_number torque[JOINTS])
+{
+    return same_bits(fake.torque, torque, sizeof fake.torque);
 }
 
 static int torque_is_zero(void)
 {
-    static const float zeros[JOINTS] = {0.0f};
+    static const controller_number zeros[JOINTS] = {(controller_number)0};
     return torque_is(zeros);
 }
 
@@ -134,12 +142,12 @@ static void holding_opens_the_brakes_on_the_holding_torque(void)
     ask_and_tick(APP_HOLD);
     EXPECT(application.mode == APP_HOLDING);
     EXPECT(!fake.brakes_engaged);
-    EXPECT(torque_is(fake.holding_torque_Nm));
+    EXPECT(torque_is(fake.holding_torque));
     const fake_board before = fake;
-    fake.holding_torque_Nm[0] = 50.0f; /* is asked for once only */
+    fake.holding_torque[0] = controller_torque(50.0f); /* is asked for once only */
     ticks(100u);
     EXPECT(application.mode == APP_HOLDING);
-    EXPECT(torque_is(before.torque_Nm));
+    EXPECT(torque_is(before.torque));
 }
 
 static void holding_needs_no_reference(void)
@@ -167,9 +175,9 @@ static void disabling_keeps_the_torque_until_the_brakes_hold(void)
     ask_and_tick(APP_DISABLE);
     EXPECT(application.mode == APP_DISABLED);
     EXPECT(fake.brakes_engaged);
-    EXPECT(torque_is(fake.holding_torque_Nm));
+    EXPECT(torque_is(fake.holding_torque));
     ticks(BRAKE_TICKS - 1u);
-    EXPECT(torque_is(fake.holding_torque_Nm));
+    EXPECT(torque_is(fake.holding_torque));
     ticks(1u);
     EXPECT(torque_is_zero());
 }
@@ -204,10 +212,10 @@ static void entry_is_bumpless_where_the_reference_is_the_position(void)
     start_holding();
     ask_and_tick(APP_RUN);
     EXPECT(application.mode == APP_RUNNING);
-    EXPECT(torque_is(fake.holding_torque_Nm));
+    EXPECT(torque_is(fake.holding_torque));
     ticks(50u);
     EXPECT(application.mode == APP_RUNNING);
-    EXPECT(torque_is(fake.holding_torque_Nm));
+    EXPECT(torque_is(fake.holding_torque));
 }
 
 /* init sees the tick of the switch, and the torque that holds now; the next tick is the first. */
@@ -215,19 +223,19 @@ static void init_comes_one_tick_before_the_first_step(void)
 {
     start_holding();
     controller_state expected_state;
-    float expected_Nm[JOINTS];
-    EXPECT(controller_init(&gains, &expected_state, fake.counts, fake.holding_torque_Nm) == TDC_OK);
+    controller_number expected[JOINTS];
+    EXPECT(controller_init(&gains, &expected_state, fake.counts, fake.holding_torque) == TDC_OK);
     ask_and_tick(APP_RUN);
     EXPECT(application.controller.phase == TDC_PHASE_START);
     move_all(3);
     controller_input input = fake.reference;
     (void)memcpy(input.counts, fake.counts, sizeof input.counts);
-    EXPECT(controller_step(&gains, &expected_state, &input, expected_Nm) >= TDC_OK);
-    EXPECT(!torque_is(expected_Nm));
+    EXPECT(controller_step(&gains, &expected_state, &input, expected) >= TDC_OK);
+    EXPECT(!torque_is(expected));
     ticks(1u);
     EXPECT((application.controller.phase - TDC_PHASE_RUNNING) <= 1u);
     EXPECT(application.controller.phase == expected_state.phase);
-    EXPECT(torque_is(expected_Nm));
+    EXPECT(torque_is(expected));
 }
 
 static void running_waits_for_a_reference(void)
@@ -275,14 +283,14 @@ static void running_waits_for_a_reference_at_rest(void)
 {
     for (uint32_t i = 0u; i < JOINTS; ++i) {
         start_holding();
-        fake.reference.reference_velocity_rad_per_s[i] = 1e-6f;
+        fake.reference.REFERENCE_VELOCITY[i] = controller_velocity(1e-6f, i);
         ask_and_tick(APP_RUN);
         EXPECT(application.mode == APP_HOLDING);
-        fake.reference.reference_velocity_rad_per_s[i] = 0.0f;
-        fake.reference.reference_acceleration_rad_per_s2[i] = -1e-6f;
+        fake.reference.REFERENCE_VELOCITY[i] = (controller_number)0;
+        fake.reference.REFERENCE_ACCELERATION[i] = controller_acceleration(-1e-4f, i);
         ticks(1u);
         EXPECT(application.mode == APP_HOLDING);
-        fake.reference.reference_acceleration_rad_per_s2[i] = -0.0f;
+        fake.reference.REFERENCE_ACCELERATION[i] = controller_acceleration(-0.0f, i);
         ticks(1u);
         EXPECT(application.mode == APP_RUNNING);
     }
@@ -294,12 +302,12 @@ static void holding_after_running_keeps_the_last_torque(void)
     move_all(2);
     ask_and_tick(APP_HOLD);
     EXPECT(application.mode == APP_HOLDING);
-    EXPECT(!torque_is(fake.holding_torque_Nm));
+    EXPECT(!torque_is(fake.holding_torque));
     EXPECT(!fake.brakes_engaged);
     const fake_board before = fake;
     move_all(2);
     ticks(10u);
-    EXPECT(torque_is(before.torque_Nm));
+    EXPECT(torque_is(before.torque));
 }
 
 static void running_again_starts_from_the_torque_that_holds(void)
@@ -312,17 +320,17 @@ static void running_again_starts_from_the_torque_that_holds(void)
     ask_and_tick(APP_RUN);
     ticks(20u);
     EXPECT(application.mode == APP_RUNNING);
-    EXPECT(torque_is(held.torque_Nm));
+    EXPECT(torque_is(held.torque));
 }
 
 static void holding_waits_until_the_reference_rests(void)
 {
     start_running();
-    fake.reference.reference_velocity_rad_per_s[0] = 0.01f;
+    fake.reference.REFERENCE_VELOCITY[0] = controller_velocity(0.01f, 0u);
     ask_and_tick(APP_HOLD);
     ticks(5u);
     EXPECT(application.mode == APP_RUNNING);
-    fake.reference.reference_velocity_rad_per_s[0] = 0.0f;
+    fake.reference.REFERENCE_VELOCITY[0] = (controller_number)0;
     ticks(1u);
     EXPECT(application.mode == APP_HOLDING);
 }
@@ -330,12 +338,12 @@ static void holding_waits_until_the_reference_rests(void)
 static void disabling_while_running_engages_the_brakes_at_once(void)
 {
     start_running();
-    fake.reference.reference_velocity_rad_per_s[0] = 0.01f;
+    fake.reference.REFERENCE_VELOCITY[0] = controller_velocity(0.01f, 0u);
     const fake_board before = fake;
     ask_and_tick(APP_DISABLE);
     EXPECT(application.mode == APP_DISABLED);
     EXPECT(fake.brakes_engaged);
-    EXPECT(torque_is(before.torque_Nm));
+    EXPECT(torque_is(before.torque));
     ticks(BRAKE_TICKS);
     EXPECT(torque_is_zero());
 }
@@ -343,11 +351,13 @@ static void disabling_while_running_engages_the_brakes_at_once(void)
 static void saturation_is_no_fault(void)
 {
     start_running();
-    fake.reference.reference_acceleration_rad_per_s2[0] = 1e6f;
+    const float limit_Nm = controller_torque_Nm(gains.joint[0].TORQUE_LIMIT);
+    fake.reference.REFERENCE_ACCELERATION[0] =
+        controller_acceleration(2.0f * limit_Nm / controller_inertia_kgm2(0u), 0u);
     ticks(1u);
     EXPECT(application.status == TDC_SATURATED);
     EXPECT(application.mode == APP_RUNNING);
-    EXPECT(fake.torque_Nm[0] == gains.joint[0].torque_limit_Nm);
+    EXPECT(fake.torque[0] == gains.joint[0].TORQUE_LIMIT);
 }
 
 /* --- Faults ---------------------------------------------------------------------------------- */
@@ -366,9 +376,9 @@ static void a_controller_error_holds_the_torque_until_the_brakes_do(void)
     EXPECT(fake.fault_output);
     EXPECT(fake.brakes_engaged);
     EXPECT(!torque_is_zero());
-    EXPECT(torque_is(before.torque_Nm));
+    EXPECT(torque_is(before.torque));
     ticks(BRAKE_TICKS - 1u);
-    EXPECT(torque_is(before.torque_Nm));
+    EXPECT(torque_is(before.torque));
     ticks(1u);
     EXPECT(torque_is_zero());
 }
@@ -377,22 +387,22 @@ static void a_controller_error_takes_the_torque_away_if_so_configured(void)
 {
     start_running();
     gains.on_error = TDC_ZERO_TORQUE;
-    fake.reference.reference_velocity_rad_per_s[0] = FLT_MAX * 2.0f;
+    fake.reference.REFERENCE_VELOCITY[0] = IMPOSSIBLE_VELOCITY;
     ticks(1u);
     EXPECT(application.mode == APP_FAULT);
-    EXPECT(application.status == TDC_NOT_FINITE);
+    EXPECT(application.status == IMPOSSIBLE);
     EXPECT(torque_is_zero());
 }
 
 static void an_init_error_is_a_fault(void)
 {
     start_holding();
-    gains.joint[0].inertia_kgm2 = -1.0f;
+    gains.joint[0].TORQUE_LIMIT = (controller_number)-1;
     ask_and_tick(APP_RUN);
     EXPECT(application.mode == APP_FAULT);
     EXPECT(application.fault == APP_CONTROLLER_FAULT);
     EXPECT(application.status == TDC_BAD_CONFIG);
-    EXPECT(torque_is(fake.holding_torque_Nm));
+    EXPECT(torque_is(fake.holding_torque));
 }
 
 static void an_encoder_error_is_a_fault(void)
@@ -402,7 +412,7 @@ static void an_encoder_error_is_a_fault(void)
     ticks(1u);
     EXPECT(application.mode == APP_FAULT);
     EXPECT(application.fault == APP_ENCODER_FAULT);
-    EXPECT(torque_is(fake.holding_torque_Nm));
+    EXPECT(torque_is(fake.holding_torque));
 
     start_running();
     gains.on_error = TDC_ZERO_TORQUE;
@@ -421,7 +431,7 @@ static void a_lost_reference_is_a_fault(void)
     EXPECT(application.mode == APP_FAULT);
     EXPECT(application.fault == APP_REFERENCE_FAULT);
     EXPECT(fake.fault_output);
-    EXPECT(torque_is(fake.holding_torque_Nm));
+    EXPECT(torque_is(fake.holding_torque));
 }
 
 static void only_a_request_to_disable_resets_a_fault(void)
@@ -455,7 +465,7 @@ static void a_quick_reset_still_waits_for_the_brakes(void)
     fake.encoders_good = true;
     ask_and_tick(APP_DISABLE);
     EXPECT(application.mode == APP_DISABLED);
-    EXPECT(torque_is(fake.holding_torque_Nm));
+    EXPECT(torque_is(fake.holding_torque));
     ask_and_tick(APP_HOLD);
     EXPECT(application.mode == APP_DISABLED);
     ticks(BRAKE_TICKS - 2u);
@@ -486,9 +496,9 @@ static void overruns_are_counted_and_become_a_fault(void)
     EXPECT(fake.fault_output);
     EXPECT(fake.brakes_engaged);
     EXPECT(application.slowest_tick == FAKE_PERIOD);
-    EXPECT(torque_is(fake.holding_torque_Nm));
+    EXPECT(torque_is(fake.holding_torque));
     ticks(BRAKE_TICKS - 1u);
-    EXPECT(torque_is(fake.holding_torque_Nm));
+    EXPECT(torque_is(fake.holding_torque));
     ticks(1u);
     EXPECT(torque_is_zero());
 }
@@ -545,7 +555,7 @@ static void telemetry_tells_every_change_of_mode(void)
     EXPECT(record.tick == 3u);
     EXPECT(record.mode == (uint32_t)APP_HOLDING);
     EXPECT(record.counts[0] == fake.counts[0]);
-    EXPECT(record.torque_Nm[0] == fake.torque_Nm[0]);
+    EXPECT(record.torque_mNm[0] == 3250);
     late_ticks(app_default_config.overrun_limit);
     EXPECT(app_take_telemetry(&application, &record));
     EXPECT(record.mode == (uint32_t)APP_FAULT);
@@ -633,7 +643,7 @@ static void a_bad_configuration_is_refused(void)
     configuration.controller = NULL;
     EXPECT(!accepted());
     configuration = good;
-    gains.joint[0].torque_limit_Nm = 0.0f;
+    gains.joint[0].TORQUE_LIMIT = (controller_number)0;
     EXPECT(!accepted());
 }
 

@@ -10,7 +10,7 @@ void fake_reset(void)
     fake = fresh;
     fake_place(12345);
     for (uint32_t i = 0u; i < JOINTS; ++i) {
-        fake.holding_torque_Nm[i] = 3.25f + (float)i;
+        fake.holding_torque[i] = controller_torque(3.25f + (float)i);
     }
 }
 
@@ -19,8 +19,8 @@ void fake_place(int32_t counts)
     for (uint32_t i = 0u; i < JOINTS; ++i) {
         fake.counts[i] = counts;
         fake.reference.reference_position_q8[i] = tdc_signed((uint32_t)counts * 256u);
-        fake.reference.reference_velocity_rad_per_s[i] = 0.0f;
-        fake.reference.reference_acceleration_rad_per_s2[i] = 0.0f;
+        fake.reference.REFERENCE_VELOCITY[i] = (controller_number)0;
+        fake.reference.REFERENCE_ACCELERATION[i] = (controller_number)0;
     }
 }
 
@@ -34,21 +34,20 @@ bool hal_read_reference(controller_input *input)
 {
     for (uint32_t i = 0u; i < JOINTS; ++i) {
         input->reference_position_q8[i] = fake.reference.reference_position_q8[i];
-        input->reference_velocity_rad_per_s[i] = fake.reference.reference_velocity_rad_per_s[i];
-        input->reference_acceleration_rad_per_s2[i] =
-            fake.reference.reference_acceleration_rad_per_s2[i];
+        input->REFERENCE_VELOCITY[i] = fake.reference.REFERENCE_VELOCITY[i];
+        input->REFERENCE_ACCELERATION[i] = fake.reference.REFERENCE_ACCELERATION[i];
     }
     return fake.reference_good;
 }
 
-void hal_read_holding_torque(float torque_Nm[JOINTS])
+void hal_read_holding_torque(controller_number torque[JOINTS])
 {
-    (void)memcpy(torque_Nm, fake.holding_torque_Nm, sizeof fake.holding_torque_Nm);
+    (void)memcpy(torque, fake.holding_torque, sizeof fake.holding_torque);
 }
 
-void hal_write_torque(const float torque_Nm[JOINTS])
+void hal_write_torque(const controller_number torque[JOINTS])
 {
-    (void)memcpy(fake.torque_Nm, torque_Nm, sizeof fake.torque_Nm);
+    (void)memcpy(fake.torque, torque, sizeof fake.torque);
     ++fake.torque_writes;
 }
 

@@ -13,10 +13,10 @@ typedef struct {
     bool reference_good;
     int32_t counts[JOINTS];
     controller_input reference;
-    float holding_torque_Nm[JOINTS];
+    controller_number holding_torque[JOINTS];
     uint32_t elapsed;
     /* written by the application */
-    float torque_Nm[JOINTS];
+    controller_number torque[JOINTS];
     uint32_t torque_writes;
     bool brakes_engaged;
     bool fault_output;

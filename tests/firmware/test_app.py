@@ -7,28 +7,31 @@ from collections.abc import Callable
 from pathlib import Path
 from subprocess import CompletedProcess, run
 
+import numpy as np
 import pytest
 
+from codegen.controller import load
 from codegen.emit import REPOSITORY
+from plant.native import GENERATED
+from plant.units import units
 from verification.firmware import STUB, common_facts
 
 HERE = Path(__file__).parent
 CHECKS = re.findall(r"CHECK\((\w+)\),", (HERE / "app_checks.c").read_text(encoding="utf-8"))
-CONTROLLERS = ("puma3", "puma6")
+CONTROLLERS = ("puma3", "puma6", "puma3_fixed", "puma3_float64")
 APPLICATION = (STUB / "app.c", STUB / "telemetry.c")
 
 
 def compiled(
     controller: str, sanitizer: str, sources: tuple[Path, ...], output: Path
 ) -> CompletedProcess[str]:
-    facts = common_facts()
-    generated = REPOSITORY / "generated" / controller
+    facts, directory = common_facts(), GENERATED / controller
     command = [
         *("gcc", *facts["C_FLAGS"].split(), *facts["WARNING_FLAGS"].split()),
         *("-g", f"-fsanitize={sanitizer}", "-fno-sanitize-recover=all"),
         *(f"-DCONTROLLER={controller}", f"-DCONTROLLER_UPPER={controller.upper()}"),
-        *(f"-I{REPOSITORY}", f"-I{generated}"),
-        *map(str, (*sources, *sorted(generated.glob("*.c")))),
+        *(f"-I{REPOSITORY}", f"-I{directory}"),
+        *map(str, (*sources, *sorted(directory.glob("*.c")))),
         *("-lpthread", "-o", str(output)),
     ]
     return run(command, capture_output=True, text=True, check=False)
@@ -66,6 +69,23 @@ def test_application(check: str, controller: str, checks_of: Callable[[str], Pat
 def test_every_check_is_in_the_program(checks_of: Callable[[str], Path]) -> None:
     listed = run([checks_of("puma3")], capture_output=True, text=True, check=True).stdout
     assert listed.split() == CHECKS
+
+
+@pytest.mark.parametrize("name", ["puma3", "puma3_fixed", "puma3_float64"])
+def test_the_stub_takes_the_units_of_the_generator(name: str, tmp_path: Path) -> None:
+    program = tmp_path / "units"
+    done = compiled(name, "address,undefined", (HERE / "units.c",), program)
+    assert done.returncode == 0, done.stderr
+    said = run([program], capture_output=True, text=True, check=True).stdout
+    told = np.loadtxt(said.splitlines())
+    controller = load(REPOSITORY / "controllers" / f"{name}.toml")
+    expected, every = units(controller), np.ones(len(controller.joints))
+    signals = (expected.velocity, 0.25), (expected.acceleration, -8.0), (expected.torque, -2.5)
+    limit = np.array([float(joint.torque_limit) for joint in controller.joints])
+    inertia = np.array([float(joint.inertia) for joint in controller.joints])
+    columns = [*(unit.stored(value * every) for unit, value in signals), limit, inertia]
+    np.testing.assert_allclose(told[:, :5], np.transpose(columns), rtol=1e-6)
+    np.testing.assert_allclose(told[:, 5], limit * 1000.0, atol=1.0)
 
 
 def raced(telemetry: Path, output: Path) -> CompletedProcess[str]:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import verification.firmware
@@ -25,6 +27,7 @@ from verification.firmware import (
     emulator,
     facts,
     load_board,
+    tool,
 )
 
 BOARDS = ("mps2-an385", "mps2-an385-m0plus", "mps2-an386", "mps2-an500", "riscv-virt")
@@ -48,7 +51,7 @@ def test_all_boards_are_tested() -> None:
     assert tuple(board_names()) == BOARDS
 
 
-@pytest.mark.parametrize("controller", ["puma3", "puma6"])
+@pytest.mark.parametrize("controller", ["puma3", "puma6", "puma3_fixed", "puma3_float64"])
 @pytest.mark.parametrize("board", BOARDS)
 def test_every_image_builds_without_a_warning(board: str, controller: str) -> None:
     for image in ("app", "pil", "pil_uart"):
@@ -105,9 +108,13 @@ def test_a_processor_exception_stops_the_robot(application: Application) -> None
     assert application.wait_for(lambda line: line.startswith("EMERGENCY"))
 
 
-def first_move(board: Board) -> list[list[int]]:
-    """Counts and torques along the first move of the reference after the switch to running."""
-    with Application(board, build(board, "puma3", "app")) as application:
+Move = list[list[int]]
+"""Counts [count] and torques [mN m] of three joints, ten times along a move of the reference."""
+
+
+def first_move(board: Board, image: Path) -> Move:
+    """The first move of the reference after the switch to running."""
+    with Application(board, image) as application:
         start(application)
         while not 1000 <= numbers(application.lines[-1])[TICK] % 4000 < 2000:
             application.wait_for(in_mode(RUNNING))
@@ -117,11 +124,65 @@ def first_move(board: Board) -> list[list[int]]:
     return [row[7:] for row in told if 1000 <= row[TICK] % 4000 < 2000 and row[TICK] % 100 == 0]
 
 
-def test_the_application_moves_the_same_on_all_boards() -> None:
-    moves = [first_move(load_board(name)) for name in BOARDS]
+@cache
+def moves_of(controller: str) -> tuple[Move, ...]:
+    """One on each board."""
+    boards = map(load_board, BOARDS)
+    return tuple(first_move(board, build(board, controller, "app")) for board in boards)
+
+
+@pytest.mark.parametrize("controller", ["puma3", "puma3_fixed"])
+def test_the_application_moves_the_same_on_all_boards(controller: str) -> None:
+    moves = moves_of(controller)
     assert len(moves[0]) == 10
     assert len({tuple(row) for row in moves[0]}) == 10, "the robot moves"
     assert all(move == moves[0] for move in moves)
+
+
+def assert_alike(move: Move, other: Move) -> None:
+    """Both follow the reference; a count more or less in a tick is a few newton metres."""
+    apart = np.abs(np.array(move) - np.array(other))
+    assert apart[:, :3].max() <= 5
+    assert apart[:, 3:].max() <= 5000
+    assert np.abs(np.array(move)[:, 3:]).max() > 10_000
+
+
+def test_fixed_point_moves_the_robot_like_floating_point() -> None:
+    """The units of the stub are those of the generator: no number of one is one of the other."""
+    assert_alike(moves_of("puma3_fixed")[0], moves_of("puma3")[0])
+
+
+def test_double_runs_where_the_fpu_has_it() -> None:
+    board = load_board("mps2-an500")
+    image = build(board, "puma3_float64", "app")
+    assert needed(board, sorted(image.parent.glob("controller/*.o"))) == set()
+    assert_alike(first_move(board, image), moves_of("puma3")[BOARDS.index(board.name)])
+
+
+def needed(board: Board, objects: Sequence[Path]) -> set[str]:
+    """The symbols that these objects take from others."""
+    program = tool(f"{board.toolchain}nm", board.toolchain_package)
+    command = [program, "--format=posix", *map(str, objects)]
+    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    lines = [line.split() for line in said.splitlines() if not line.endswith(":")]
+    undefined = {words[0] for words in lines if words[1] == "U"}
+    return undefined - {words[0] for words in lines if words[1] != "U"}
+
+
+@pytest.mark.parametrize("name", ["mps2-an385", "mps2-an385-m0plus"])
+def test_a_tick_in_fixed_point_calls_no_library_for_floats(name: str) -> None:
+    """From the encoders to the drives; only a robot that is simulated takes floats."""
+    board = load_board(name)
+    folder = build(board, "puma3_fixed", "app").parent
+    assert needed(board, sorted(folder.glob("controller/*.o"))) <= {"memcpy"}
+    path = [folder / "app.o", folder / "telemetry.o", folder / "report.o"]
+    calls = {symbol for symbol in needed(board, path) if symbol.startswith("__")}
+    divisions = {f"__aeabi_{name}" for name in ("idiv", "idivmod", "uidiv", "uidivmod")}
+    assert calls <= {"__aeabi_lmul", *divisions}
+    # Floats would be seen.
+    floats = build(board, "puma3", "app").parent
+    assert "__aeabi_fmul" in needed(board, sorted(floats.glob("controller/*.o")))
+    assert "__aeabi_fmul" in needed(board, [floats / "app.o"])
 
 
 ARMV6_M = re.compile(
@@ -132,11 +193,13 @@ ARMV6_M = re.compile(
 """What a Cortex-M0+ has, of the instructions that compilers make."""
 
 
-@pytest.mark.parametrize("image", ["app", "pil"])
-def test_a_cortex_m0plus_has_every_instruction(image: str) -> None:
+@pytest.mark.parametrize(
+    ("controller", "image"), [("puma6", "app"), ("puma6", "pil"), ("puma3_fixed", "app")]
+)
+def test_a_cortex_m0plus_has_every_instruction(controller: str, image: str) -> None:
     """The emulated Cortex-M3 would execute more."""
     board = load_board("mps2-an385-m0plus")
-    program = disassemble(board, build(board, "puma6", image)).values()
+    program = disassemble(board, build(board, controller, image)).values()
     assert len(program) > 1000
     # An undefined instruction provokes an exception; the tests of the application need one.
     foreign = {str(i) for i in program if not ARMV6_M.fullmatch(i.mnemonic)}

@@ -15,18 +15,19 @@ import pytest
 import verification.pil as pil
 import verification.target as target_module
 from codegen.emit import REPOSITORY
-from plant.closed_loop import ControllerOutput
+from plant.units import Unit
 from verification.firmware import build, emulated_board_names, load_board
-from verification.pil import Flight, Mismatch, first_mismatch, main, run
+from verification.pil import Answer, Flight, Mismatch, first_mismatch, main, run
 from verification.target import Target, TargetError
 
-EXP08 = Flight("puma3", "Exp08")
+EXP08, FIXED = Flight("puma3", "Exp08"), Flight("puma3_fixed")
+DOUBLE = Flight("puma3_float64")
 BOARDS = emulated_board_names()
 TICKS = 1500
 ARM = "mps2-an386"
 
 
-@pytest.mark.parametrize("flight", [EXP08, Flight("puma6")], ids=str)
+@pytest.mark.parametrize("flight", [EXP08, FIXED, Flight("puma6")], ids=str)
 def test_bits_are_equal_on_every_board(flight: Flight) -> None:
     runs = []
     for name in BOARDS:
@@ -38,11 +39,22 @@ def test_bits_are_equal_on_every_board(flight: Flight) -> None:
     assert all(0.0 < r.seconds < r.seconds_total for r in runs)
 
 
-@pytest.mark.parametrize("name", [ARM, "riscv-virt"])
-def test_by_serial_port(name: str) -> None:
+@pytest.mark.parametrize("name", ["mps2-an500", "mps2-an385-m0plus"])
+def test_bits_are_equal_in_double(name: str) -> None:
+    """By the FPU, and by the compiler's library."""
     board = load_board(name)
-    image = build(board, "puma3", "pil_uart")
-    by_uart = run(board, image, EXP08, ticks=40, link="uart")
+    found = run(board, build(board, DOUBLE.controller, "pil"), DOUBLE, ticks=TICKS)
+    assert found.equal
+    assert found.ticks == TICKS
+
+
+@pytest.mark.parametrize(
+    ("name", "flight"), [(ARM, EXP08), ("riscv-virt", EXP08), ("mps2-an385", FIXED)]
+)
+def test_by_serial_port(name: str, flight: Flight) -> None:
+    board = load_board(name)
+    image = build(board, flight.controller, "pil_uart")
+    by_uart = run(board, image, flight, ticks=40, link="uart")
     assert by_uart.equal
     assert by_uart.ticks == 40
 
@@ -50,14 +62,22 @@ def test_by_serial_port(name: str) -> None:
 SPOILT_JOINT = 1
 
 
-def spoilt_constant(tmp_path: Path) -> Path:
+SPOILT = {
+    "puma3": ("ACCELERATION_SCALE", "6.391588f"),
+    "puma3_fixed": ("MOTION_PER_COUNT", "(MOTION_PER_COUNT + 1)"),
+}
+"""By what the law multiplies the displacement's change, and the same moved by its last digit."""
+
+
+def spoilt_constant(tmp_path: Path, name: str = "puma3") -> Path:
     """The generated C with one constant of one joint moved by its last digit."""
-    copy = tmp_path / "puma3"
-    shutil.copytree(REPOSITORY / "generated" / "puma3", copy)
-    source = copy / "tdc_puma3.c"
+    copy = tmp_path / name
+    shutil.copytree(REPOSITORY / "generated" / name, copy)
+    source = copy / f"tdc_{name}.c"
     text = source.read_text(encoding="utf-8")
-    right = "displacement_change * ACCELERATION_SCALE"
-    wrong = f"displacement_change * ((i == {SPOILT_JOINT}u) ? 6.391588f : ACCELERATION_SCALE)"
+    constant, other = SPOILT[name]
+    right = f"displacement_change * {constant}"
+    wrong = f"displacement_change * ((i == {SPOILT_JOINT}u) ? {other} : {constant})"
     assert text.count(right) == 1
     source.write_text(text.replace(right, wrong), encoding="utf-8")
     return copy
@@ -92,24 +112,59 @@ def test_a_target_that_computes_something_else_is_found_and_named(
         assert where.joint == SPOILT_JOINT
 
 
-def outputs(*rows: tuple[list[float], int]) -> list[ControllerOutput]:
-    return [ControllerOutput(np.array(t, dtype=np.float32), status) for t, status in rows]
+def test_a_wrong_constant_in_fixed_point_is_found_and_named(tmp_path: Path) -> None:
+    board = load_board("mps2-an385-m0plus")
+    copy = spoilt_constant(tmp_path, "puma3_fixed")
+    image = build(board, copy.name, "pil", generated=copy, output=tmp_path / "out")
+    found = run(board, image, FIXED, ticks=TICKS)
+    assert not found.equal
+    where = found.mismatch
+    assert where is not None
+    assert where.joint == SPOILT_JOINT
+    # In N m for people; the bits are the integer's.
+    units = FIXED.tuned().units.torque
+    for value, bits in ((where.target, where.target_bits), (where.host, where.host_bits)):
+        assert int(units.stored(np.array(float(value)))) % 2**32 == int(bits, 16)
+    assert where.target_bits != where.host_bits
+    assert f"tick {where.tick}, joint {SPOILT_JOINT}: {where.target} N m" in str(where)
+
+
+NEWTON_METRES = Unit("applied_torque_Nm", None)
+
+
+def outputs(*rows: tuple[list[float], int], kind: str = "<f4") -> list[Answer]:
+    return [Answer(np.array(t, dtype=kind), status) for t, status in rows]
 
 
 def test_the_first_difference_counts() -> None:
     host = outputs(([1.0, 2.0], 0), ([3.0, 4.0], 0), ([5.0, 6.0], 0))
     target = outputs(([1.0, 2.0], 0), ([3.0, 4.5], 0), ([0.0, 0.0], 0))
-    assert first_mismatch(host, host) is None
-    assert first_mismatch(target, host) == Mismatch(1, 1, "4.5", "4.0", "0x40900000", "0x40800000")
+    assert first_mismatch(host, host, NEWTON_METRES) is None
+    found = first_mismatch(target, host, NEWTON_METRES)
+    assert found == Mismatch(1, 1, "4.5", "4.0", "0x40900000", "0x40800000")
+
+
+def test_differences_are_told_in_newton_metres_with_all_bits() -> None:
+    half, more = outputs(([0.5], 0), kind="<f8"), outputs(([np.nextafter(0.5, 1.0)], 0), kind="<f8")
+    found = first_mismatch(more, half, NEWTON_METRES)
+    bits = ("0x3FE0000000000001", "0x3FE0000000000000")
+    assert found == Mismatch(0, 0, "0.5000000000000001", "0.5", *bits)
+    sixteenths = Unit("applied_torque_q", np.array(16.0))
+    found = first_mismatch(
+        outputs(([-1], 0), kind="<i4"), outputs(([8], 0), kind="<i4"), sixteenths
+    )
+    assert found == Mismatch(0, 0, "-0.0625", "0.5", "0xFFFFFFFF", "0x00000008")
 
 
 def test_bits_are_compared_not_values() -> None:
-    assert first_mismatch(outputs(([0.0], 0)), outputs(([-0.0], 0))) is not None
-    assert first_mismatch(outputs(([np.nan], 0)), outputs(([np.nan], 0))) is None
+    zero, negative = outputs(([0.0], 0)), outputs(([-0.0], 0))
+    assert first_mismatch(zero, negative, NEWTON_METRES) is not None
+    nan = outputs(([np.nan], 0)), outputs(([np.nan], 0))
+    assert first_mismatch(*nan, NEWTON_METRES) is None
 
 
 def test_a_status_is_compared_too() -> None:
-    found = first_mismatch(outputs(([1.0], 1)), outputs(([1.0], 0)))
+    found = first_mismatch(outputs(([1.0], 1)), outputs(([1.0], 0)), NEWTON_METRES)
     assert found == Mismatch(0, None, "1", "0")
     assert str(found) == "tick 0: status 1 on the target, 0 on the host"
 

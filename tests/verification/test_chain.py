@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from codegen.controller import load
+from codegen.problems import SpecificationError
 from plant.native import GENERATED
 from tests.toolchain import WARNINGS
 from tests.toolchain import run as run_tool
@@ -32,6 +33,7 @@ from verification.chain.links import (
     NOT_INITIALISED,
     QUANTITIES,
     Modelled,
+    chain,
     double_to_host,
     drawn_by_the_target,
     exact_to_double,
@@ -40,15 +42,26 @@ from verification.chain.links import (
     host_to_target,
     modelled,
 )
-from verification.chain.program import STATUSES, TARGET, Blocks, Host, Target, image
+from verification.chain.program import (
+    FIRST_STATUS,
+    STATUSES,
+    STEPS,
+    TARGET,
+    Blocks,
+    Host,
+    Target,
+    image,
+)
 from verification.chain.vectors import Vectors, case_type, is_refused, recorded
 from verification.equivalence import Compiled, compiled
 from verification.evidence import Evidence
 from verification.experiments import CONTROLLERS
 from verification.firmware import STUB, ToolError, board_names, load_board
 
-NAMES = ("puma3", "puma6")
+NAMES, FIXED = ("puma3", "puma6"), "puma3_fixed"
 BLOCKS = Blocks(3, 2000)
+# A bad configuration is told by init, and nothing but fixed-point has a range.
+REACHED = set(STATUSES) - {"bad configuration", "out of range"}
 CPU = Path("/proc/cpuinfo")
 HOST_HAS_FMA = CPU.exists() and " fma " in CPU.read_text(encoding="utf-8")
 
@@ -65,6 +78,8 @@ def host_of(name: str) -> Host:
 
 @cache
 def vectors_of(name: str) -> Vectors:
+    if name == FIXED:
+        return drawn_by_the_target(host_of(name), 300)
     every = recorded(library_of(name), 150).plus(drawn_by_the_target(host_of(name), 300))
     # Six joints differ from three in nothing but their number: a quarter will do.
     return every if name == "puma3" else every.take(np.arange(len(every)) % 4 == 0)
@@ -97,8 +112,8 @@ def test_the_vectors_reach_every_edge() -> None:
     gamma = vectors.records["config"]["joint"]["gamma"]
     assert {-(2**31), 2**31 - 1} <= set(gamma.ravel().tolist())
     results = host_of("puma3").take(vectors.records)
-    reached = {STATUSES[status + 5] for status in results["status"]}
-    assert reached == set(STATUSES) - {"bad configuration"}  # that one is told by init
+    reached = {STATUSES[status - FIRST_STATUS] for status in results["status"]}
+    assert reached == REACHED
     limit = vectors.records["config"]["joint"]["torque_limit_Nm"]
     for side in (-1.0, 1.0):
         assert np.any(results["torque_Nm"] == side * limit)
@@ -202,8 +217,8 @@ HOST_MUTANTS = {
     ),
     "largest exponent clipped": (
         "tdc_sig_pow.h",
-        "((int64_t)a.minus_one_q31 * logarithm)",
-        "((int64_t)(a.minus_one_q31 > 0x7FF00000 ? 0x7FF00000 : a.minus_one_q31) * logarithm)",
+        "(int64_t)a.minus_one_q31 * logarithm",
+        "(int64_t)(a.minus_one_q31 > 0x7FF00000 ? 0x7FF00000 : a.minus_one_q31) * logarithm",
     ),
     "at the limit is saturated": (
         "tdc_puma3.c",
@@ -246,11 +261,11 @@ HOST_MUTANTS = {
 }
 
 
-def mutated(file: str, old: str, new: str, folder: Path) -> Path:
-    """A copy of puma3's C in which one piece of text, spaced in any way, is another."""
+def mutated(file: str, old: str, new: str, folder: Path, name: str = "puma3") -> Path:
+    """A copy of a controller's C in which one piece of text, spaced in any way, is another."""
     folder.mkdir()
     pattern = r"\s*".join(re.escape(token) for token in re.findall(r"\w+|\S", old))
-    for source in (GENERATED / "puma3").iterdir():
+    for source in (GENERATED / name).iterdir():
         text = source.read_text(encoding="utf-8")
         if source.name == file:
             text, count = re.subn(pattern, lambda _: new, text)
@@ -267,11 +282,19 @@ def test_a_mistake_at_an_edge_is_caught(mutant: str, tmp_path: Path) -> None:
     assert not double_to_host(library, modelled(library, vectors), host, vectors).holds
 
 
+def test_an_unchanged_copy_is_not_caught(tmp_path: Path) -> None:
+    library = library_of("puma3")
+    same = "state->phase = TDC_PHASE_START;"
+    host = Host(library, mutated("tdc_puma3.c", same, same, tmp_path / "puma3"))
+    vectors = recorded(library, 2)
+    assert double_to_host(library, modelled(library, vectors), host, vectors).holds
+
+
 # --- Link 3 ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("board", board_names())
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES, FIXED])
 def test_every_bit_on_the_target_is_that_of_the_host(name: str, board: str, tmp_path: Path) -> None:
     library = library_of(name)
     target = Target(load_board(board), image(load_board(board), library, None, tmp_path), library)
@@ -285,7 +308,8 @@ def test_every_bit_on_the_target_is_that_of_the_host(name: str, board: str, tmp_
     assert sum(link.statuses.values()) == 6000
     # The random steps are good for something: not all of them are errors or at a limit.
     assert link.statuses["good"] > 0.25 * 6000
-    assert min(link.statuses[s] for s in set(STATUSES) - {"bad configuration"}) > 5
+    reached = REACHED if name != FIXED else (REACHED | {"out of range"}) - {"not finite"}
+    assert min(link.statuses[s] for s in reached) > 5
     assert link.refused_configurations > 20
 
 
@@ -374,7 +398,7 @@ def test_a_program_that_does_not_run_is_told(
     broken = tmp_path / "chain.elf"
     if content is not None:
         broken.write_bytes(content)
-    with pytest.raises(ToolError, match="after 0 of 60 bytes; the emulator says"):
+    with pytest.raises(ToolError, match="after 0 of 68 bytes; the emulator says"):
         Target(load_board("riscv-virt"), broken, library_of("puma3")).summaries(Blocks(1, 1))
 
 
@@ -401,16 +425,49 @@ def test_a_block_follows_from_its_number_alone() -> None:
     three = host_of("puma3").summaries(BLOCKS)
     assert three[:2].tobytes() == host_of("puma3").summaries(Blocks(2, BLOCKS.steps)).tobytes()
     assert len(set(three["hash"].tolist())) == 3
-    counted = np.bincount(results["status"] + 5, minlength=len(STATUSES))
+    counted = np.bincount(results["status"] - FIRST_STATUS, minlength=len(STATUSES))
     assert three["statuses"][2].tolist() == counted.tolist()
-    assert is_refused(cases).sum() == counted[2] + counted[4]
+    refused = STATUSES.index("not initialised"), STATUSES.index("bad argument")
+    assert is_refused(cases).sum() == counted[list(refused)].sum()
 
 
 @pytest.mark.parametrize("compiler", ["gcc", "clang"])
-@pytest.mark.parametrize("source", ["steps.c", "main.c"])
-def test_the_program_compiles_without_a_warning(compiler: str, source: str, tmp_path: Path) -> None:
-    includes = [f"-I{path}" for path in (TARGET.parents[2], STUB, GENERATED / "puma3")]
-    run_tool(compiler, *WARNINGS, "-O2", *includes, "-c", TARGET / source, "-o", tmp_path / "x.o")
+@pytest.mark.parametrize("name", ["puma3", "puma3_fixed"])
+def test_the_program_compiles_without_a_warning(compiler: str, name: str, tmp_path: Path) -> None:
+    flags = [f"-I{path}" for path in (TARGET.parents[2], STUB, GENERATED / name)]
+    flags += [f"-DCONTROLLER={name}", f"-DCONTROLLER_UPPER={name.upper()}", "-O2"]
+    for source in (*STEPS, "main"):
+        file = TARGET / f"{source}.c"
+        run_tool(compiler, *WARNINGS, *flags, "-c", file, "-o", tmp_path / "x.o")
+
+
+def test_an_integer_that_is_off_by_one_on_the_target_is_named(tmp_path: Path) -> None:
+    library, board = library_of(FIXED), load_board("mps2-an385-m0plus")
+    other = (
+        f"tdc_{FIXED}.c",
+        "displacement_change * MOTION_PER_COUNT;",
+        "displacement_change * 524289;",
+    )
+    generated = mutated(*other, tmp_path / FIXED, FIXED)
+    target = Target(board, image(board, library, generated, tmp_path / "out"), library)
+    link = host_to_target(library, target, host_of(FIXED), vectors_of(FIXED), BLOCKS)
+    assert not link.holds
+    assert link.mismatch is not None
+    assert link.mismatch.field == "torque_q"
+    value = int(link.mismatch.target_bits, 16)
+    assert int(link.mismatch.target) % 2**32 == value
+
+
+def test_a_fixed_point_controller_has_the_last_link_only() -> None:
+    found = chain([library_of(FIXED).controller], [load_board("mps2-an385")], Blocks(1, 500))
+    assert found.holds
+    assert found.numeric == ()
+    assert [link.controller for link in found.bits] == [FIXED]
+
+
+def test_a_controller_in_double_is_refused() -> None:
+    with pytest.raises(SpecificationError, match=r"precision = .*float64"):
+        chain([load(CONTROLLERS / "puma3_float64.toml")], [], Blocks(1, 500))
 
 
 # --- The command -------------------------------------------------------------------------------

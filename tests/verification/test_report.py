@@ -14,6 +14,9 @@ import pytest
 
 from codegen.controller import load
 from verification.__main__ import main
+from verification.accuracy import ARITHMETICS
+from verification.certificates.sig_pow.present import shipped
+from verification.certificates.sig_pow.present import verdict as prove_and_check
 from verification.equivalence import check
 from verification.evidence import current_json, generated_sha256, write_json
 from verification.experiments import CONTROLLERS, Experiment, Outcome
@@ -21,6 +24,19 @@ from verification.report.content import Results, law_block, scientific
 from verification.report.page import render, write
 from verification.report.processor import Processor
 from verification.symbolic import all_proofs
+
+_CELL = {
+    "row": "Exp08",
+    "rms_deg": [0.001, 0.002, 0.003],
+    "difference": [0.001, -0.002, 0.0],
+    "difference_error": [0.004, 0.005, 0.0],
+}
+ACCURACY = {
+    "phases": 4,
+    "cells": [{**_CELL, "controller": name} for name in ARITHMETICS],
+    "mean_difference": dict.fromkeys(ARITHMETICS, 0.0012),
+    "largest_difference": dict.fromkeys(ARITHMETICS, 0.0345),
+}
 
 VOID = {"meta", "br", "hr", "img", "link", "input", "path", "use"}
 
@@ -69,7 +85,9 @@ def results(outcomes: Mapping[Experiment, Outcome]) -> Results:
     equivalence = {
         name: (check(load(CONTROLLERS / f"{name}.toml"), 500),) for name in ("puma3", "puma6")
     }
-    return Results(outcomes, equivalence, all_proofs(), 500, Processor(None, None, None, None))
+    kernels = [prove_and_check(*kernel, every=False) for kernel in shipped()]
+    processor = Processor(None, None, None, None)
+    return Results(outcomes, equivalence, all_proofs(), 500, processor, kernels, ACCURACY)
 
 
 @pytest.fixture(scope="session")

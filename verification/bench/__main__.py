@@ -9,13 +9,15 @@ from collections.abc import Sequence
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from codegen.emit import GenerationError
+from codegen.emit import REPOSITORY
 from codegen.problems import SpecificationError
+from codegen.source import GenerationError
 from plant.closed_loop import ControllerError, PlantError
 from plant.native import CompilerError
 from plant.robot import RobotError
+from verification.bench.page import PAGE, write_page
 from verification.bench.present import cases, tables
-from verification.bench.rows import JOINTS, RESULT, BenchError, Result, measure, save
+from verification.bench.rows import JOINTS, RESULT, BenchError, Result, load, measure, save
 from verification.bench.variants import VARIANTS
 from verification.firmware import ToolError, board_names
 
@@ -49,7 +51,7 @@ def _print(result: Result, console: Console) -> None:
         console.print(each)
         console.print()
     console.print("""mean: instructions per step over a recorded motion, call and return included
-fewest - most: of all ticks, special cases and random bits as well
+worst: the longest of all ticks: the first, at a limit, an error, or random bits
 ratio: mean over that of this project's step
 estimated cycles: mean, by Arm's tables of cycles and memory without wait states; not measured
 flash: bytes that a program grows by, what it needs of the C library included
@@ -65,11 +67,28 @@ stack: bytes down to the deepest word that any tick wrote""")
         console.print(f"  {core.flags}", soft_wrap=True)
 
 
+def _write_docs() -> int:
+    """Makes the page of the figures that are there; 2 where there are none of today's C."""
+    result = load()
+    if result is None:
+        print("error: no figures of today's C: run `make bench` first", file=sys.stderr)
+        return 2
+    print(write_page(result).relative_to(REPOSITORY))
+    return 0
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line; returns 0, 1 for figures that can't be right, 2 without a tool."""
     parser = argparse.ArgumentParser(prog="python -m verification.bench", description=__doc__)
     parser.add_argument("--json", action="store_true", help="print JSON instead of tables")
+    parser.add_argument(
+        "--docs",
+        action="store_true",
+        help=f"write {PAGE.relative_to(REPOSITORY)} from the last figures, measure nothing",
+    )
     options = parser.parse_args(arguments)
+    if options.docs:
+        return _write_docs()
     try:
         result = _measure(Console(stderr=True))
     except BenchError as error:

@@ -12,6 +12,9 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
+from plant.units import units
 from verification.bench.cycles import Run
 from verification.bench.program import Program, core_folder, result_bytes, run
 from verification.firmware import Board, ToolError, common_facts, emulator, facts, tool
@@ -21,6 +24,7 @@ SHIFT = 10
 
 _TIMEOUT_S = 120.0
 _TIMER_BITS = {"cortex-m": 24, "rv32": 32}
+_FORMS = {"float": "f", "double": "d", "int32_t": "i"}
 
 
 @dataclass(frozen=True)
@@ -137,15 +141,17 @@ def _run(program: Program, options: tuple[str, ...], ticks: int) -> _Results:
         done = subprocess.run(command, capture_output=True, check=False, timeout=_TIMEOUT_S)
     except subprocess.TimeoutExpired as error:
         raise ToolError(f"{' '.join(command)}: no end after {_TIMEOUT_S:.0f} s") from error
-    joints = program.prepared.joints
-    if done.returncode != 0 or len(done.stdout) != (ticks + 1) * result_bytes(joints):
+    controller = program.prepared.controller
+    if done.returncode != 0 or len(done.stdout) != (ticks + 1) * result_bytes(controller):
         raise ToolError(
             f"{' '.join(command)} ended with status {done.returncode} and {len(done.stdout)} "
             f"bytes of results:\n{done.stderr.decode(errors='replace')}"
         )
-    rows = list(struct.iter_unpack(f"<II{joints}f", done.stdout))
+    form = _FORMS[program.prepared.numbers]
+    rows = list(struct.iter_unpack(f"<II{program.prepared.joints}{form}", done.stdout))
+    torque = units(controller).torque
     return _Results(
         tuple(row[0] for row in rows),
         tuple(row[1] for row in rows),
-        tuple(row[2:] for row in rows),
+        tuple(tuple(torque.physical(np.array(row[2:])).tolist()) for row in rows),
     )

@@ -6,6 +6,7 @@ linked with the C library that the toolchain comes with: newlib for Cortex-M, pi
 
 from __future__ import annotations
 
+import ctypes
 import os
 import subprocess
 from collections.abc import Sequence
@@ -15,6 +16,7 @@ from pathlib import Path
 from codegen.controller import Controller
 from codegen.emit import REPOSITORY, generate, write
 from codegen.rendering import environment
+from plant.controller import structures
 from plant.native import compiler
 from verification.bench.recording import Replayed, controller_of, input_bytes, sequence_bytes
 from verification.bench.variants import PACKAGE, TARGET, TEMPLATES, Variant
@@ -78,6 +80,11 @@ class Prepared:
         """Number of joints."""
         return len(self.controller.joints)
 
+    @property
+    def numbers(self) -> str:
+        """The C type of its torques: variants with the same one take the same inputs."""
+        return self.controller.arithmetic.torque
+
 
 @dataclass(frozen=True)
 class Data:
@@ -110,7 +117,7 @@ class Program:
 
 @dataclass(frozen=True)
 class Harness:
-    """What all programs of a board and a number of joints share.
+    """What all programs of a board, a number of joints and numbers share.
 
     Attributes:
         objects: of the program that replays and measures.
@@ -136,13 +143,14 @@ def core_folder(board: Board) -> str:
 def prepare(variant: Variant, joints: int, directory: Path) -> Prepared:
     """Generates and writes a variant's C below a directory.
 
-    Variants with the same gains share the generated C.
+    Variants with the same gains and numbers share the generated C.
 
     Raises:
         codegen.emit.GenerationError: it could not be generated.
     """
-    controller = controller_of(joints, variant.experiment)
-    shared = directory / "generated" / (variant.experiment or "default")
+    controller = controller_of(joints, variant.experiment, variant.numbers)
+    chosen = (variant.experiment or "default", *(value for _, value in variant.numbers))
+    shared = directory / "generated" / "-".join(chosen)
     generated = shared / controller.name
     if not generated.exists():
         write(generate(controller), shared)
@@ -151,26 +159,26 @@ def prepare(variant: Variant, joints: int, directory: Path) -> Prepared:
     return Prepared(variant, controller, generated, variant.write(controller, generated, own), own)
 
 
-def write_data(joints: int, sequences: tuple[Replayed, ...], directory: Path) -> Data:
-    """Writes the inputs of all ticks and the room for their results."""
-    own = directory / f"data-{joints}"
+def write_data(controller: Controller, sequences: tuple[Replayed, ...], directory: Path) -> Data:
+    """Writes the inputs of all ticks in a controller's units, and the room for their results."""
+    own = directory / f"data-{len(controller.joints)}-{controller.arithmetic.torque}"
     own.mkdir(parents=True)
     ticks = sum(len(s.ticks) for s in sequences)
-    (own / "inputs.bin").write_bytes(input_bytes(controller_of(joints), sequences))
-    (own / "sequences.bin").write_bytes(sequence_bytes(sequences))
+    (own / "inputs.bin").write_bytes(input_bytes(controller, sequences))
+    (own / "sequences.bin").write_bytes(sequence_bytes(controller, sequences))
     text = (
         environment(TEMPLATES)
         .get_template("data.S.j2")
-        .render(sequences=len(sequences), results_bytes=(ticks + 1) * result_bytes(joints))
+        .render(sequences=len(sequences), results_bytes=(ticks + 1) * result_bytes(controller))
     )
     source = own / "data.S"
     source.write_text(text, encoding="utf-8")
     return Data(source, ticks)
 
 
-def result_bytes(joints: int) -> int:
+def result_bytes(controller: Controller) -> int:
     """Size of a ``bench_result`` (see bench.h)."""
-    return 4 * (2 + joints)
+    return 8 + ctypes.sizeof(structures(controller).torque) * len(controller.joints)
 
 
 def run(command: Sequence[str], directory: Path | None = None) -> str:
@@ -216,7 +224,7 @@ def require_tools(board: Board) -> None:
         ToolError: something isn't; the message names the Debian package.
     """
     library_version(board)
-    for name in ("size", "nm"):
+    for name in ("size", "nm", "addr2line"):
         _binutil(board, name)
     tool(board.emulator[0], board.emulator_package)
 
@@ -241,6 +249,8 @@ def _gcc(board: Board, prepared: Prepared) -> list[str]:
         *(f"-I{folder}" for folder in folders),
         f"-DCONTROLLER={name}",
         f"-DCONTROLLER_UPPER={name.upper()}",
+        f"-DBENCH_TORQUE={prepared.numbers}",
+        "-g",  # changes no instruction, and tells from which function each one comes
     ]
 
 
@@ -273,18 +283,18 @@ def _compile(
 
 
 def harness(board: Board, prepared: Prepared, data: Data, directory: Path) -> Harness:
-    """Compiles what is the same in all programs of a board and a number of joints.
+    """Compiles what is the same in all programs of a board, a number of joints and numbers.
 
     Args:
         board: what to compile for.
-        prepared: any variant with that number of joints.
+        prepared: any variant with that number of joints and those numbers.
         data: the inputs.
         directory: where object files go.
 
     Raises:
         ToolError: a tool is missing or reports an error.
     """
-    folder = directory / "harness" / f"{board.name}-{prepared.joints}"
+    folder = directory / "harness" / f"{board.name}-{prepared.joints}-{prepared.numbers}"
     core = core_folder(board)
     cores = STUB / "cores" / core
     sources = [
@@ -314,7 +324,7 @@ def build(board: Board, prepared: Prepared, common: Harness, directory: Path) ->
     Args:
         board: what to compile for.
         prepared: the variant's C.
-        common: from :func:`harness`, for this board and this number of joints.
+        common: from :func:`harness`, for this board, number of joints and numbers.
         directory: where programs go.
 
     Raises:

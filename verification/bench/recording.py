@@ -1,26 +1,34 @@
 """The inputs of the bench: a recorded closed loop, special cases, and random bits.
 
-Every variant on every core replays the same bytes. The recording is this project's controller on
+Every variant on every core replays the same motion, those with the same numbers the same bytes.
+The recording is this project's controller on
 the simulated robot; the special cases are single ticks out of that motion in which something is
-zero, subnormal, extreme, infinite or not a number, because a step's time may depend on it.
+zero, subnormal, extreme, infinite or not a number, because a step's time may depend on it. All of
+it is in SI units and converted into those of a controller.
 """
 
 from __future__ import annotations
 
+import ctypes
+import functools
+import math
 import struct
-from collections.abc import Callable
+import sys
 from dataclasses import dataclass, replace
 from enum import Enum
 from random import Random
 
 import numpy as np
 
-from codegen.controller import Controller, load
+from codegen.arithmetic import FLOAT64
+from codegen.controller import Controller, read, resolve
+from codegen.exact import binary32
 from plant.closed_loop import build_plant, simulate
 from plant.controller import GeneratedController, structures
 from plant.model import gravity_torque
 from plant.robot import load_robot
 from plant.trajectory import to_and_fro
+from plant.units import units
 from verification.experiments import CONTROLLERS
 
 ROBOTS = {3: ("puma3", "reference"), 6: ("puma6", "puma560")}
@@ -43,6 +51,19 @@ class Kind(Enum):
     RECORDED = "recorded"
     SPECIAL = "special"
     RANDOM = "random"
+
+
+class Outcome(Enum):
+    """What this project's step answers to the last tick of a sequence, and how it gets there.
+
+    A tick is usual unless it is the first, at a torque limit, or an error.
+    """
+
+    USUAL = "usual"
+    FIRST = "first"
+    LIMIT = "limit"
+    ERROR = "error"
+    ANY = "any"
 
 
 @dataclass(frozen=True)
@@ -69,7 +90,7 @@ class Replayed:
     Attributes:
         name: of the case, for people.
         kind: all ticks of the recording are measured, of any other sequence the last one.
-        fails: whether this project's step answers the last tick with an error.
+        outcome: of the last tick; the first of several is always ``FIRST``, the others ``USUAL``.
         counts: positions at switch-on [count].
         holding_torque: what holds the robot then [N m].
         ticks: the inputs.
@@ -77,19 +98,31 @@ class Replayed:
 
     name: str
     kind: Kind
-    fails: bool
+    outcome: Outcome
     counts: tuple[int, ...]
     holding_torque: tuple[float, ...]
     ticks: tuple[Tick, ...]
 
 
-def controller_of(joints: int, experiment: str | None = None) -> Controller:
-    """The controller that the bench measures for this number of joints."""
-    return load(CONTROLLERS / f"{ROBOTS[joints][0]}.toml", experiment=experiment)
+def controller_of(
+    joints: int, experiment: str | None = None, numbers: tuple[tuple[str, str], ...] = ()
+) -> Controller:
+    """The controller that the bench measures for this number of joints.
+
+    Args:
+        joints: their number.
+        experiment: a row of Table II, whose gains replace those of the specification.
+        numbers: keys of the specification that are changed, and their values.
+    """
+    path = CONTROLLERS / f"{ROBOTS[joints][0]}.toml"
+    return resolve({**read(path), **dict(numbers)}, str(path), experiment=experiment)
 
 
+@functools.cache
 def record(joints: int) -> Replayed:
     """The controller on its robot, moving a little way and back; deterministic.
+
+    References are rounded to float, which the numbers of every variant but integers hold exactly.
 
     Raises:
         KeyError: no controller has so many joints.
@@ -114,13 +147,15 @@ def record(joints: int) -> Replayed:
         Tick(
             tuple(map(int, run.counts[k])),
             tuple(map(int, position_q8[k])),
-            tuple(map(float, run.qd_ref[k])),
-            tuple(map(float, run.qdd_ref[k])),
+            tuple(map(binary32, run.qd_ref[k])),
+            tuple(map(binary32, run.qdd_ref[k])),
         )
         for k in range(TICKS)
     )
-    holding = tuple(map(float, gravity_torque(plant.model, motion.start_rad)))
-    return Replayed("recorded motion", Kind.RECORDED, False, ticks[0].counts, holding, ticks)
+    holding = tuple(map(binary32, gravity_torque(plant.model, motion.start_rad)))
+    return Replayed(
+        "recorded motion", Kind.RECORDED, Outcome.USUAL, ticks[0].counts, holding, ticks
+    )
 
 
 def _wrap(value: int) -> int:
@@ -129,59 +164,132 @@ def _wrap(value: int) -> int:
 
 
 def special_cases(recorded: Replayed, controller: Controller) -> tuple[Replayed, ...]:
-    """Ticks that may take another path than the usual one."""
-    joints = len(controller.joints)
-    before = recorded.ticks[:_SETTLING]
-    usual = recorded.ticks[_SETTLING]
-    limits = [joint.max_displacement for joint in controller.joints]
+    """Ticks that may take another path than the usual one.
 
-    def case(name: str, tick: Tick, *, fails: bool = False) -> Replayed:
-        ticks = (*before, tick)
-        return replace(recorded, name=name, kind=Kind.SPECIAL, fails=fails, ticks=ticks)
-
-    def velocity(name: str, value: float, *, fails: bool = False) -> Replayed:
-        return case(name, replace(usual, velocity=(value,) * joints), fails=fails)
-
-    def acceleration(name: str, value: float, *, fails: bool = False) -> Replayed:
-        return case(name, replace(usual, acceleration=(value,) * joints), fails=fails)
-
-    def error(name: str, value: int) -> Replayed:
-        q8 = tuple(_wrap(counts * 256 + value) for counts in usual.counts)
-        return case(name, replace(usual, position_q8=q8))
-
-    def moved(name: str, distance: Callable[[int], int], *, fails: bool = False) -> Replayed:
-        counts = tuple(
-            _wrap(c + distance(limit)) for c, limit in zip(before[-1].counts, limits, strict=True)
-        )
-        return case(name, replace(usual, counts=counts), fails=fails)
-
-    def still(name: str, value: float) -> Replayed:
-        zeros = (0.0,) * joints
-        rest = Tick((0,) * joints, (0,) * joints, zeros, zeros)
-        last = replace(rest, velocity=(value,) * joints)
-        return Replayed(name, Kind.SPECIAL, False, rest.counts, zeros, (rest, rest, last))
-
+    Integers are neither subnormal, infinite nor NaN: there those cases are left out, and the
+    extreme ones are clipped, to the largest plausible reference where the step is to answer with a
+    torque, and to the largest integer where it is to refuse.
+    """
+    make = _Cases(recorded, controller)
+    own = _in_integers(make) if controller.arithmetic.kind == "fixed-point" else _in_floats(make)
     return (
-        replace(recorded, name="first tick", kind=Kind.SPECIAL, ticks=before[:1]),
-        still("all zero", 0.0),
-        still("smallest subnormal velocity error", 2.0**-149),
-        still("largest subnormal velocity error", 2.0**-126 - 2.0**-149),
-        still("smallest normal velocity error", 2.0**-126),
-        error("largest position error", 2**31 - 1),
-        error("largest negative position error", -(2**31)),
+        replace(
+            recorded,
+            name="first tick",
+            kind=Kind.SPECIAL,
+            outcome=Outcome.FIRST,
+            ticks=recorded.ticks[:1],
+        ),
+        make.still("all zero", 0.0),
+        make.error("largest position error", 2**31 - 1),
+        make.error("largest negative position error", -(2**31)),
         _across_the_wrap(recorded),
-        moved("fastest plausible motion", lambda limit: limit),
-        acceleration("saturated", 1e6),
-        acceleration("saturated, negative", -1e6),
-        acceleration("acceleration of 1e38 rad/s^2", 1e38),
-        velocity("velocity of 1e30 rad/s", 1e30),
-        moved("encoder jump", lambda limit: limit + 1, fails=True),
-        velocity("torque overflows", 3.4e38, fails=True),
-        velocity("velocity infinite", float("inf"), fails=True),
-        velocity("velocity NaN", float("nan"), fails=True),
-        acceleration("acceleration infinite", float("-inf"), fails=True),
-        acceleration("acceleration NaN", float("nan"), fails=True),
+        make.moved("fastest plausible motion", 0, Outcome.LIMIT),
+        make.moved("encoder jump", 1, Outcome.ERROR),
+        *own,
     )
+
+
+@dataclass(frozen=True)
+class _Cases:
+    """Makes special ticks out of a recorded motion for a controller."""
+
+    recorded: Replayed
+    controller: Controller
+
+    @property
+    def joints(self) -> int:
+        return len(self.controller.joints)
+
+    @property
+    def usual(self) -> Tick:
+        return self.recorded.ticks[_SETTLING]
+
+    def case(self, name: str, tick: Tick, outcome: Outcome) -> Replayed:
+        ticks = (*self.recorded.ticks[:_SETTLING], tick)
+        return replace(self.recorded, name=name, kind=Kind.SPECIAL, outcome=outcome, ticks=ticks)
+
+    def velocity(self, name: str, outcome: Outcome, *values: float) -> Replayed:
+        """With these reference velocities, or one for all joints [rad/s]."""
+        return self.case(name, replace(self.usual, velocity=self._each(values)), outcome)
+
+    def acceleration(self, name: str, outcome: Outcome, *values: float) -> Replayed:
+        """With these reference accelerations, or one for all joints [rad/s^2]."""
+        return self.case(name, replace(self.usual, acceleration=self._each(values)), outcome)
+
+    def overflow(self, name: str, largest: float) -> Replayed:
+        """With the largest number as velocity and acceleration: the two terms overflow."""
+        each = self._each((largest,))
+        return self.case(name, replace(self.usual, velocity=each, acceleration=each), Outcome.ERROR)
+
+    def _each(self, values: tuple[float, ...]) -> tuple[float, ...]:
+        return values * (self.joints // len(values))
+
+    def error(self, name: str, value: int) -> Replayed:
+        """With this position error [count/256]; it takes every joint to its limit."""
+        q8 = tuple(_wrap(counts * 256 + value) for counts in self.usual.counts)
+        return self.case(name, replace(self.usual, position_q8=q8), Outcome.LIMIT)
+
+    def moved(self, name: str, further: int, outcome: Outcome) -> Replayed:
+        """Moved in the last tick as far as is plausible, and this much further [count]."""
+        before = self.recorded.ticks[_SETTLING - 1].counts
+        counts = tuple(
+            _wrap(c + joint.max_displacement + further)
+            for c, joint in zip(before, self.controller.joints, strict=True)
+        )
+        return self.case(name, replace(self.usual, counts=counts), outcome)
+
+    def still(self, name: str, *values: float) -> Replayed:
+        """At rest at zero until the reference has this velocity [rad/s]."""
+        zeros = (0.0,) * self.joints
+        rest = Tick((0,) * self.joints, (0,) * self.joints, zeros, zeros)
+        last = replace(rest, velocity=self._each(values))
+        ticks = (rest, rest, last)
+        return Replayed(name, Kind.SPECIAL, Outcome.USUAL, rest.counts, zeros, ticks)
+
+
+def _in_floats(make: _Cases) -> tuple[Replayed, ...]:
+    """What only floating-point numbers can be."""
+    double = make.controller.arithmetic.real is FLOAT64
+    smallest, normal = (2.0**-1074, 2.0**-1022) if double else (2.0**-149, 2.0**-126)
+    largest = sys.float_info.max if double else (2.0 - 2.0**-23) * 2.0**127
+    limit, error = Outcome.LIMIT, Outcome.ERROR
+    return (
+        make.still("smallest subnormal velocity error", smallest),
+        make.still("largest subnormal velocity error", normal - smallest),
+        make.still("smallest normal velocity error", normal),
+        make.acceleration("saturated", limit, 1e6),
+        make.acceleration("saturated, negative", limit, -1e6),
+        make.acceleration("acceleration of 1e38 rad/s^2", limit, 1e38),
+        make.velocity("velocity of 1e30 rad/s", limit, 1e30),
+        make.overflow("torque overflows", largest),
+        make.velocity("velocity infinite", error, math.inf),
+        make.velocity("velocity NaN", error, math.nan),
+        make.acceleration("acceleration infinite", error, -math.inf),
+        make.acceleration("acceleration NaN", error, math.nan),
+    )
+
+
+def _in_integers(make: _Cases) -> tuple[Replayed, ...]:
+    """The nearest to that in integers."""
+    fastest, hardest = _plausible(make.controller)
+    unit = units(make.controller).velocity.per_si
+    assert unit is not None
+    return (
+        make.still("smallest velocity error", *map(float, 1.0 / np.abs(unit))),
+        make.velocity("largest plausible velocity", Outcome.USUAL, *fastest),
+        make.acceleration("saturated", Outcome.LIMIT, *hardest),
+        make.acceleration("saturated, negative", Outcome.LIMIT, *(-a for a in hardest)),
+        make.velocity("largest velocity", Outcome.ERROR, math.inf),
+        make.acceleration("largest acceleration", Outcome.ERROR, -math.inf),
+    )
+
+
+def _plausible(controller: Controller) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Each joint's largest reference velocity [rad/s] and acceleration [rad/s^2] in integers."""
+    tick = float(controller.sample_time)
+    fastest = tuple(j.max_displacement * abs(j.rad_per_count) / tick for j in controller.joints)
+    return fastest, tuple(velocity / tick for velocity in fastest)
 
 
 def _across_the_wrap(recorded: Replayed) -> Replayed:
@@ -203,64 +311,117 @@ def _across_the_wrap(recorded: Replayed) -> Replayed:
         recorded,
         name="counters wrap",
         kind=Kind.SPECIAL,
+        outcome=Outcome.USUAL,
         counts=moved[0].counts,
         ticks=moved,
     )
 
 
-def random_cases(recorded: Replayed) -> tuple[Replayed, ...]:
-    """Ticks whose floats are random bits: any exponent, now and then infinite or NaN."""
-    random = Random(SEED)
-    joints = len(recorded.counts)
-    before = recorded.ticks[:2]
+def random_cases(recorded: Replayed, controller: Controller) -> tuple[Replayed, ...]:
+    """Ticks whose references are random bits: any exponent, now and then infinite or NaN.
 
-    def any_float() -> float:
-        return float(struct.unpack("<f", random.randbytes(4))[0])
+    Integers are of any magnitude, now and then beyond what is plausible.
+    """
+    random = Random(SEED)
+    before = recorded.ticks[:2]
+    draw = _random_integers if controller.arithmetic.kind == "fixed-point" else _random_floats
 
     def tick() -> Tick:
         return Tick(
             tuple(_wrap(c + random.randrange(-9, 10)) for c in before[-1].counts),
-            tuple(random.randrange(-(2**31), 2**31) for _ in range(joints)),
-            tuple(any_float() for _ in range(joints)),
-            tuple(any_float() for _ in range(joints)),
+            tuple(random.randrange(-(2**31), 2**31) for _ in controller.joints),
+            *draw(random, controller),
         )
 
     # What the step answers to them is not known beforehand, and not needed.
     return tuple(
-        replace(recorded, name="random bits", kind=Kind.RANDOM, ticks=(*before, tick()))
+        replace(
+            recorded,
+            name="random bits",
+            kind=Kind.RANDOM,
+            outcome=Outcome.ANY,
+            ticks=(*before, tick()),
+        )
         for _ in range(RANDOM_TICKS)
     )
 
 
-def all_sequences(joints: int) -> tuple[Replayed, ...]:
-    """Everything that is replayed, in order."""
-    recorded = record(joints)
+def _random_floats(
+    random: Random, controller: Controller
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Velocities and accelerations of random bits; one in 32 is infinite or NaN."""
+    form, size = ("<d", 8) if controller.arithmetic.real is FLOAT64 else ("<f", 4)
+
+    def one() -> float:
+        if random.randrange(32) == 0:
+            return random.choice((math.inf, -math.inf, math.nan))
+        return float(struct.unpack(form, random.randbytes(size))[0])
+
+    def each() -> tuple[float, ...]:
+        return tuple(one() for _ in controller.joints)
+
+    return each(), each()
+
+
+def _random_integers(
+    random: Random, controller: Controller
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Velocities and accelerations of random magnitude up to twice the plausible ones."""
+
+    def each(limits: tuple[float, ...]) -> tuple[float, ...]:
+        return tuple(
+            random.choice((-1.0, 1.0)) * limit * 2.0 ** random.uniform(-30.0, 1.0)
+            for limit in limits
+        )
+
+    fastest, hardest = _plausible(controller)
+    return each(fastest), each(hardest)
+
+
+def all_sequences(controller: Controller) -> tuple[Replayed, ...]:
+    """Everything that is replayed for a controller's numbers, in order; the recording is one."""
+    recorded = record(len(controller.joints))
     return (
         recorded,
-        *special_cases(recorded, controller_of(joints)),
-        *random_cases(recorded),
+        *special_cases(recorded, controller),
+        *random_cases(recorded, controller),
     )
 
 
 def input_bytes(controller: Controller, sequences: tuple[Replayed, ...]) -> bytes:
     """The inputs as the target has them in memory, one after the other."""
-    made = structures(controller).input
+    made, signals = structures(controller).input, units(controller)
 
     def one(tick: Tick) -> bytes:
         given = made()
         given.counts[:] = tick.counts
         given.reference_position_q8[:] = tick.position_q8
-        given.reference_velocity_rad_per_s[:] = tick.velocity
-        given.reference_acceleration_rad_per_s2[:] = tick.acceleration
+        for unit, values in (
+            (signals.velocity, tick.velocity),
+            (signals.acceleration, tick.acceleration),
+        ):
+            getattr(given, unit.field)[:] = unit.stored(np.array(values)).tolist()
         return bytes(given)
 
     return b"".join(one(tick) for sequence in sequences for tick in sequence.ticks)
 
 
-def sequence_bytes(sequences: tuple[Replayed, ...]) -> bytes:
+def sequence_bytes(controller: Controller, sequences: tuple[Replayed, ...]) -> bytes:
     """The switch-ons as the target has them in memory: see ``bench_sequence`` in bench.h."""
-    return b"".join(
-        struct.pack(f"<I{len(s.counts)}i", len(s.ticks), *s.counts)
-        + struct.pack(f"<{len(s.counts)}f", *s.holding_torque)
-        for s in sequences
-    )
+    joints = len(controller.joints)
+
+    class Sequence(ctypes.Structure):
+        _fields_ = (
+            ("ticks", ctypes.c_uint32),
+            ("counts", ctypes.c_int32 * joints),
+            ("holding_torque", structures(controller).torque * joints),
+        )
+
+    def one(sequence: Replayed) -> bytes:
+        made = Sequence(len(sequence.ticks))
+        made.counts[:] = sequence.counts
+        torque = units(controller).torque.stored(np.array(sequence.holding_torque))
+        made.holding_torque[:] = torque.tolist()
+        return bytes(made)
+
+    return b"".join(map(one, sequences))

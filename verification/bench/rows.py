@@ -5,16 +5,19 @@ from __future__ import annotations
 import math
 import os
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from plant.native import BUILD
-from verification.bench import cycles
+from verification.bench import cycles, parts
 from verification.bench.count import Replay, emulator_version, replay
 from verification.bench.program import (
     Data,
+    Harness,
     Prepared,
     Program,
     build,
@@ -28,14 +31,25 @@ from verification.bench.program import (
     require_tools,
     write_data,
 )
-from verification.bench.recording import ROBOTS, TICKS, Kind, Replayed, all_sequences
+from verification.bench.recording import (
+    ROBOTS,
+    TICKS,
+    Kind,
+    Outcome,
+    Replayed,
+    all_sequences,
+    controller_of,
+)
 from verification.bench.variants import (
     NAIVE_DOUBLE,
     PROJECT,
     PROJECT_LINEAR,
+    TARGET,
     VARIANTS,
+    WITH_POWERS,
     Variant,
 )
+from verification.disassembly import Program as Code
 from verification.disassembly import disassemble
 from verification.evidence import Evidence, current_json, write_json
 from verification.firmware import Board, board_names, load_board
@@ -54,12 +68,12 @@ class Case:
 
     Attributes:
         name: what is special.
-        fails: whether this project's step answers it with an error.
+        outcome: what this project's step answers to it.
         instructions: of that tick.
     """
 
     name: str
-    fails: bool
+    outcome: Outcome
     instructions: int
 
 
@@ -75,6 +89,8 @@ class Row:
         instructions_per_step: mean over the recorded motion, the call and its return included.
         instructions_min: fewest in the recorded motion.
         instructions_max: most in the recorded motion.
+        usual_fewest: fewest in any usual tick: not the first, at no torque limit and no error.
+        usual_most: most in any usual tick.
         fewest_instructions: fewest in any tick, special cases and random bits included.
         worst_instructions: most in any tick.
         worst_case: what that tick was.
@@ -89,6 +105,8 @@ class Row:
         times_the_project: instructions_per_step over those of this project's step.
         estimated_cycles: mean over the recorded motion, by Arm's tables and not measured (see
             :mod:`verification.bench.cycles`); None for a core without a table.
+        parts: instructions_per_step by what they are for (see :mod:`verification.bench.parts`);
+            empty but for this project's step.
     """
 
     variant: str
@@ -98,6 +116,8 @@ class Row:
     instructions_per_step: float
     instructions_min: int
     instructions_max: int
+    usual_fewest: int
+    usual_most: int
     fewest_instructions: int
     worst_instructions: int
     worst_case: str
@@ -110,6 +130,7 @@ class Row:
     torque_difference_Nm: float
     times_the_project: float
     estimated_cycles: float | None = None
+    parts: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -117,34 +138,47 @@ class Spread:
     """How far the time of this project's step depends on the data.
 
     Attributes:
+        variant: title of the variant.
         core: the processor.
         joints: number of joints.
-        fewest: instructions of the shortest tick that gives a torque.
-        most: of the longest one.
-        error_most: of the longest tick that ends with an error.
-        random_bits_most: of the longest tick on random bits.
+        mean: instructions of a tick over the recorded motion.
+        usual_fewest: fewest in a usual tick: not the first, at no torque limit and no error.
+        usual_most: most in a usual tick.
+        worst: most in any tick, random bits included.
+        worst_case: what that tick was.
     """
 
+    variant: str
     core: str
     joints: int
-    fewest: int
-    most: int
-    error_most: int
-    random_bits_most: int
+    mean: float
+    usual_fewest: int
+    usual_most: int
+    worst: int
+    worst_case: str
 
     @property
-    def relative(self) -> float:
-        """How much longer the longest good tick is than the shortest."""
-        return self.most / self.fewest - 1.0
+    def is_constant(self) -> bool:
+        """Whether all usual ticks are equally long."""
+        return self.usual_fewest == self.usual_most
+
+    @property
+    def worst_relative(self) -> float:
+        """How much longer the longest tick is than the mean one."""
+        return self.worst / self.mean - 1.0
 
     @property
     def statement(self) -> str:
-        """What the report states, and the tests hold the step to."""
+        """What to budget; the tests hold the step to it."""
+        usual = (
+            f"every usual tick takes {self.usual_most} instructions"
+            if self.is_constant
+            else f"a usual tick takes {self.usual_fewest} to {self.usual_most} instructions, "
+            f"{self.mean:.0f} on average"
+        )
         return (
-            f"{self.core}, n = {self.joints}: {self.fewest} to {self.most} instructions "
-            f"({self.relative:.1%}) for a tick that gives a torque, be it the first, saturated or "
-            f"subnormal; at most {self.error_most} for one that ends with an error, at most "
-            f"{self.random_bits_most} on random bits."
+            f"{self.core}, n = {self.joints}, {self.variant}: {usual}; the worst "
+            f"{self.worst} ({self.worst_relative:.0%} more): {self.worst_case}."
         )
 
 
@@ -168,6 +202,8 @@ class Result:
     conditions: tuple[Conditions, ...]
     evidence: Evidence = Evidence.MEASURED
 
+
+_FIRST = "first tick"
 
 # Which variant's torques a variant must reproduce: the one that computes the same law.
 _REFERENCE = {
@@ -206,36 +242,56 @@ def measure(
         jobs = []
         with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
             for n in joints:
-                sequences = all_sequences(n)
-                data = write_data(n, sequences, directory)
                 prepared = [prepare(variant, n, directory) for variant in variants]
+                inputs = _all_inputs(prepared, directory)
                 jobs += [
-                    pool.submit(
-                        _measure_board, b, prepared, data, sequences, counter, directory, advance
-                    )
+                    pool.submit(_measure_board, b, prepared, inputs, counter, directory, advance)
                     for b in chosen
                 ]
             rows = tuple(row for job in jobs for row in job.result())
     return Result(rows, spreads(rows), tuple(map(_conditions, chosen)))
 
 
+@dataclass(frozen=True)
+class _Inputs:
+    """What variants with the same numbers replay."""
+
+    sequences: tuple[Replayed, ...]
+    data: Data
+
+
+def _all_inputs(prepared: Sequence[Prepared], directory: Path) -> dict[str, _Inputs]:
+    """The inputs for each kind of numbers."""
+    made: dict[str, _Inputs] = {}
+    for each in prepared:
+        if each.numbers not in made:
+            # The gains of another experiment would change what is plausible: not for inputs.
+            controller = controller_of(each.joints, None, each.variant.numbers)
+            sequences = all_sequences(controller)
+            made[each.numbers] = _Inputs(sequences, write_data(controller, sequences, directory))
+    return made
+
+
 def _measure_board(
     board: Board,
     prepared: Sequence[Prepared],
-    data: Data,
-    sequences: tuple[Replayed, ...],
+    inputs: Mapping[str, _Inputs],
     counter: Path,
     directory: Path,
     advance: Callable[[], None],
 ) -> list[Row]:
-    common = harness(board, prepared[0], data, directory)
+    commons: dict[str, Harness] = {}
     replays: dict[str, Replay] = {}
     rows: list[Row] = []
     for each in prepared:
-        program = build(board, each, common, directory)
-        found = replay(program, counter, data.ticks, TICKS if board.core in cycles.CORES else 0)
-        replays[each.variant.name] = found
-        rows.append(_row(program, found, sequences))
+        if each.variant.fits(board):
+            given = inputs[each.numbers]
+            if each.numbers not in commons:
+                commons[each.numbers] = harness(board, each, given.data, directory)
+            program = build(board, each, commons[each.numbers], directory)
+            found = replay(program, counter, given.data.ticks, TICKS)
+            replays[each.variant.name] = found
+            rows.append(_row(program, found, given.sequences))
         advance()
     rows = [replace(r, torque_difference_Nm=_difference(r, replays)) for r in rows]
     project = next(r for r in rows if r.variant == PROJECT.name).instructions_per_step
@@ -249,19 +305,25 @@ def _row(program: Program, found: Replay, sequences: tuple[Replayed, ...]) -> Ro
     counts = found.instructions
     recorded: list[int] = []
     random: list[int] = []
+    usual: list[int] = []
     cases: list[Case] = []
     names: list[str] = []
     for sequence in sequences:
         first = len(names)
-        names += [sequence.name] * len(sequence.ticks)
+        names += [_FIRST, *[sequence.name] * (len(sequence.ticks) - 1)]
         last = counts[len(names) - 1]
+        # Behind the first tick all are usual but perhaps the last.
+        usual += counts[first + 1 : len(names) - (sequence.outcome is not Outcome.USUAL)]
         if sequence.kind is Kind.RECORDED:
             recorded += counts[first : len(names)]
         elif sequence.kind is Kind.RANDOM:
             random.append(last)
         else:
-            cases.append(Case(sequence.name, sequence.fails, last))
+            cases.append(Case(sequence.name, sequence.outcome, last))
     worst = max(counts)
+    code = disassemble(program.board, program.elf)
+    executed = _executed(program, code, found, sum(recorded))
+    core = cycles.CORES.get(program.board.core)
     return Row(
         variant=program.prepared.variant.name,
         core=program.board.core,
@@ -270,6 +332,8 @@ def _row(program: Program, found: Replay, sequences: tuple[Replayed, ...]) -> Ro
         instructions_per_step=math.fsum(recorded) / len(recorded),
         instructions_min=min(recorded),
         instructions_max=max(recorded),
+        usual_fewest=min(usual),
+        usual_most=max(usual),
         fewest_instructions=min(counts),
         worst_instructions=worst,
         worst_case=names[counts.index(worst)],
@@ -281,25 +345,37 @@ def _row(program: Program, found: Replay, sequences: tuple[Replayed, ...]) -> Ro
         disagreements=found.disagreements,
         torque_difference_Nm=0.0,
         times_the_project=1.0,
-        estimated_cycles=_estimated_cycles(program, found, sum(recorded)) / len(recorded)
-        if found.runs
-        else None,
+        estimated_cycles=None
+        if core is None
+        else cycles.estimate(core, code, found.runs) / len(recorded),
+        parts=_parts(program, executed, len(recorded)),
     )
 
 
-def _estimated_cycles(program: Program, found: Replay, instructions: int) -> float:
-    """Of all recorded ticks together.
+def _executed(program: Program, code: Code, found: Replay, instructions: int) -> Counter[int]:
+    """How often each instruction was executed in the recorded ticks, by its address.
 
     Raises:
         BenchError: what was recorded are not the instructions that were counted.
     """
-    code = disassemble(program.board, program.elf)
-    executed = cycles.transitions(code, found.runs).total()
-    if executed != instructions:
+    executed: Counter[int] = Counter()
+    for (address, _), count in cycles.transitions(code, found.runs).items():
+        executed[address] += count
+    if executed.total() != instructions:
         raise BenchError(
-            f"{program.elf}: {executed} instructions were recorded, {instructions} counted"
+            f"{program.elf}: {executed.total()} instructions were recorded, {instructions} counted"
         )
-    return cycles.estimate(cycles.CORES[program.board.core], code, found.runs)
+    return executed
+
+
+def _parts(program: Program, executed: Mapping[int, int], ticks: int) -> dict[str, float]:
+    """Instructions of a recorded tick by what they are for, in this project's step."""
+    prepared = program.prepared
+    if prepared.variant.name not in {variant.name for variant in WITH_POWERS}:
+        return {}
+    own = {path.name for folder in (prepared.generated, TARGET) for path in folder.iterdir()}
+    found = parts.parts(program.board, program.elf, own, executed)
+    return {part: count / ticks for part, count in found.items()}
 
 
 def _difference(row: Row, replays: dict[str, Replay]) -> float:
@@ -330,22 +406,21 @@ def _check(row: Row) -> None:
 
 def spreads(rows: Iterable[Row]) -> tuple[Spread, ...]:
     """How far the time of this project's step depends on the data, for each core."""
+    titles = {variant.name: variant.title for variant in WITH_POWERS}
     return tuple(
         Spread(
+            titles[row.variant],
             row.core,
             row.joints,
-            min(row.instructions_min, *_instructions(row, fails=False)),
-            max(row.instructions_max, *_instructions(row, fails=False)),
-            max(_instructions(row, fails=True)),
-            row.random_bits_instructions,
+            row.instructions_per_step,
+            row.usual_fewest,
+            row.usual_most,
+            row.worst_instructions,
+            row.worst_case,
         )
         for row in rows
-        if row.variant == PROJECT.name
+        if row.variant in titles
     )
-
-
-def _instructions(row: Row, *, fails: bool) -> list[int]:
-    return [case.instructions for case in row.special_cases if case.fails == fails]
 
 
 def row_of(rows: Iterable[Row], variant: Variant, core: str, joints: int) -> Row:
@@ -388,10 +463,15 @@ def save(result: Result, path: Path = RESULT) -> Path:
 def load(path: Path = RESULT) -> Result | None:
     """The figures that :func:`save` left, or None if there are none of today's generated C."""
     left = current_json(path)
-    if left is None:
-        return None
+    try:
+        return None if left is None else _result(left)
+    except (KeyError, TypeError, ValueError):
+        return None  # as another version of the bench wrote it
+
+
+def _result(left: Mapping[str, Any]) -> Result:
     rows = (
-        Row(**{**row, "special_cases": tuple(Case(**case) for case in row["special_cases"])})
+        Row(**{**row, "special_cases": tuple(map(_case, row["special_cases"]))})
         for row in left["rows"]
     )
     spreads = (
@@ -400,3 +480,7 @@ def load(path: Path = RESULT) -> Result | None:
     )
     conditions = (Conditions(**each) for each in left["conditions"])
     return Result(tuple(rows), tuple(spreads), tuple(conditions))
+
+
+def _case(left: Mapping[str, Any]) -> Case:
+    return Case(**{**left, "outcome": Outcome(left["outcome"])})

@@ -7,19 +7,22 @@ and a wrapper that does what the function can't, which is to difference wrapping
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import casadi as ca
 
 from codegen import law
+from codegen.arithmetic import Arithmetic
 from codegen.controller import Controller, Joint
 from codegen.exact import binary32
 from codegen.floating_point import scale_values
 from codegen.literals import float_literal
 from codegen.rendering import environment
+from verification.firmware import Board
 
 PACKAGE = Path(__file__).parent
 TARGET = PACKAGE / "target"
@@ -40,6 +43,8 @@ class Variant:
         experiment: the row of Table II whose gains it has, None for the controller's own.
         write: from the controller, the directory of its generated C and a directory to write
             what else is needed into, the C files to compile.
+        numbers: the keys of the specification that it changes, and their values.
+        fpu_bits: of the widest number that the core's FPU must compute with; 0 for none.
         flags: more compiler flags.
     """
 
@@ -48,7 +53,21 @@ class Variant:
     meaning: str
     experiment: str | None
     write: Callable[[Controller, Path, Path], tuple[Path, ...]]
+    numbers: tuple[tuple[str, str], ...] = ()
+    fpu_bits: int = 0
     flags: tuple[str, ...] = ()
+
+    def fits(self, board: Board) -> bool:
+        """Whether the board's core is one that the variant is for."""
+        return self.fpu_bits <= fpu_bits(board)
+
+
+def fpu_bits(board: Board) -> int:
+    """Bits of the widest number that the core computes with by itself: 0, 32 or 64."""
+    flags = " ".join(board.cpu_flags)
+    if "-mfloat-abi=soft" in flags or "-mabi=ilp32 " in f"{flags} ":
+        return 0
+    return 64 if re.search(r"-mfpu=fpv5-d16|-mabi=ilp32d", flags) else 32
 
 
 def _render(template: str, target: Path, **values: Any) -> Path:
@@ -115,9 +134,10 @@ def write_naive(controller: Controller, directory: Path, real: str) -> tuple[Pat
     generator.generate(f"{directory}/")
     number = float_literal if real == "float" else repr
     convert = binary32 if real == "float" else float
+    exact = replace(controller, arithmetic=Arithmetic(precision="float64"))
     parameters = {
         name: [number(convert(value)) for value in values]
-        for name, values in _parameters(controller).items()
+        for name, values in _parameters(exact if real == "double" else controller).items()
     }
     names = function.name_in()
     signals = [n for n in names if n in law.SIGNALS]
@@ -203,7 +223,7 @@ CASADI_POWF = Variant(
     "The same with macros that turn pow, fabs, fmin and fmax into powf, fabsf, fminf and fmaxf.",
     None,
     lambda controller, _, directory: write_naive(controller, directory, "float"),
-    ("-include", str(TARGET / "powf.h")),
+    flags=("-include", str(TARGET / "powf.h")),
 )
 PROJECT = Variant(
     "project",
@@ -211,6 +231,32 @@ PROJECT = Variant(
     "The generated step with all its checks and the exponents of the specification.",
     None,
     write_project,
+)
+PROJECT_PRECISE = Variant(
+    "project-precise",
+    "this project, precise",
+    'The generated step with accuracy = "precise": powers in float to 1.93 ulp.',
+    None,
+    write_project,
+    (("accuracy", "precise"),),
+    fpu_bits=32,
+)
+PROJECT_FLOAT64 = Variant(
+    "project-float64",
+    "this project, float64",
+    'The generated step with precision = "float64", for cores with an FPU for double.',
+    None,
+    write_project,
+    (("precision", "float64"),),
+    fpu_bits=64,
+)
+PROJECT_FIXED = Variant(
+    "project-fixed",
+    "this project, fixed-point",
+    'The generated step with arithmetic = "fixed-point": integers inside and at the interface.',
+    None,
+    write_project,
+    (("arithmetic", "fixed-point"),),
 )
 PROJECT_LINEAR = Variant(
     "project-linear",
@@ -227,4 +273,16 @@ LINEAR_FLOOR = Variant(
     write_linear,
 )
 
-VARIANTS = (NAIVE_DOUBLE, NAIVE_FLOAT, CASADI_POWF, PROJECT, PROJECT_LINEAR, LINEAR_FLOOR)
+VARIANTS = (
+    NAIVE_DOUBLE,
+    NAIVE_FLOAT,
+    CASADI_POWF,
+    PROJECT,
+    PROJECT_PRECISE,
+    PROJECT_FLOAT64,
+    PROJECT_FIXED,
+    PROJECT_LINEAR,
+    LINEAR_FLOOR,
+)
+WITH_POWERS = (PROJECT, PROJECT_PRECISE, PROJECT_FLOAT64, PROJECT_FIXED)
+"""What a specification chooses from: this project's step in all its numbers."""

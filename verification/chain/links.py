@@ -3,6 +3,8 @@
 1. the law over exact numbers - the ``casadi.Function`` in double (a rounding bound of 2^-53)
 2. the ``casadi.Function`` in double - the generated C on the host (enclosures of binary32)
 3. the generated C on the host - the same C on each target (equal bits)
+
+A fixed-point controller has the last link only: its integers are followed by ``codegen``.
 """
 
 from __future__ import annotations
@@ -16,14 +18,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from codegen.arithmetic import FLOAT64
 from codegen.controller import Controller
 from codegen.law import LawFunction, measurement, switch_on, torque_law
+from codegen.problems import Problem, SpecificationError
 from codegen.sig_pow import tables
 from verification.cases import Cases, Records, is_running, last_memory
 from verification.chain.forward_error import Bounded, distance, exact_law, exactly
 from verification.chain.program import (
     STATUSES,
-    UNWRITTEN_NM,
+    UNWRITTEN,
     Blocks,
     Host,
     Target,
@@ -235,7 +239,7 @@ class Chain:
     """All links of all controllers.
 
     Attributes:
-        numeric: links 1 and 2 of each controller.
+        numeric: links 1 and 2 of each floating-point controller.
         bits: link 3 of each controller on each target.
         vectors_sha256: of the recorded vectors, by controller.
     """
@@ -490,7 +494,7 @@ def _refusals(vectors: Vectors, host: Host) -> Iterator[str]:
     results = host.take(records)
     missing = records["missing"]
     expected = np.where(missing != 0, BAD_ARGUMENT, NOT_INITIALISED)
-    torque = np.where((missing & 8) != 0, UNWRITTEN_NM, np.float32(0.0))[:, None]
+    torque = np.where((missing & 8) != 0, np.float32(UNWRITTEN), np.float32(0.0))[:, None]
     if np.any(results["status"] != expected):
         yield "a step that must be refused is not, or for another reason"
     if np.any(results["torque_Nm"] != torque):
@@ -638,16 +642,22 @@ def chain(
         advance: told how many more random steps a target took.
 
     Raises:
+        SpecificationError: a controller computes in double, for which there are no links.
         verification.firmware.ToolError: a compiler or an emulator is missing or failed.
         plant.native.CompilerError: the host's compiler is missing or failed.
     """
+    for controller in controllers:
+        _refuse_double(controller)
     numeric: list[NumericLink] = []
     bits: list[BitLink] = []
     sha256 = {}
     for controller in controllers:
         library = compiled(controller)
         host = Host(library)
-        vectors = recorded(library).plus(drawn_by_the_target(host))
+        rounds = controller.arithmetic.kind == "floating-point"
+        vectors = drawn_by_the_target(host)
+        if rounds:
+            vectors = recorded(library).plus(vectors)
         sha256[controller.name] = _sha256(vectors.records)
 
         def on(
@@ -662,11 +672,27 @@ def chain(
         # The emulators are processes of their own: threads that wait for them suffice.
         with ThreadPoolExecutor() as pool:
             waiting = [pool.submit(on, board) for board in boards]
-            model = modelled(library, vectors)
-            numeric.append(exact_to_double(library, model))
-            numeric.append(double_to_host(library, model, host, vectors))
+            if rounds:
+                model = modelled(library, vectors)
+                numeric.append(exact_to_double(library, model))
+                numeric.append(double_to_host(library, model, host, vectors))
             bits += [future.result() for future in waiting]
     return Chain(tuple(numeric), tuple(bits), sha256)
+
+
+def _refuse_double(controller: Controller) -> None:
+    if controller.arithmetic.kind == "floating-point" and controller.arithmetic.real is FLOAT64:
+        raise SpecificationError(
+            controller.name,
+            [
+                Problem(
+                    "precision",
+                    controller.arithmetic.precision,
+                    "the chain knows the rounding of float32, and the bits of fixed-point",
+                    "compare its bits in flight: python -m verification.pil",
+                )
+            ],
+        )
 
 
 def drawn_by_the_target(host: Host, steps: int = DRAWN) -> Vectors:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from codegen.emit import REPOSITORY, identity
 from plant.native import BUILD, CompilerError, compiler, sources_of
 from plant.native import FLAGS as HOST_FLAGS
+from plant.units import units
 from verification.cases import Records
 from verification.chain.vectors import case_type
 from verification.equivalence import Compiled
@@ -27,11 +28,14 @@ from verification.firmware import STUB, Board, ToolError, build, common_facts, e
 
 TARGET = Path(__file__).parent / "target"
 CHAIN_BUILD = BUILD / "chain"
+STEPS = ("steps", "draw", "draw_floating_point", "draw_fixed_point")
+"""The C that host and target share, without the suffix."""
 
-UNWRITTEN_NM = np.float32(-12345.0)
+UNWRITTEN = -12345
 """What a torque is where the step wrote none (``target/steps.h``)."""
 
 STATUSES = (
+    "out of range",
     "not finite",
     "encoder jump",
     "not initialised",
@@ -40,15 +44,24 @@ STATUSES = (
     "good",
     "saturated",
 )
-"""Statuses in the order of their numbers, from TDC_NOT_FINITE = -5 to TDC_SATURATED = 1."""
+"""Statuses in the order of their numbers, from TDC_OUT_OF_RANGE = -6 to TDC_SATURATED = 1."""
 
-SUMMARY = np.dtype([("hash", "<u8"), ("statuses", "<u4", (len(STATUSES),)), ("refused", "<u4")])
+FIRST_STATUS = -6
+
+SUMMARY = np.dtype(
+    [
+        ("hash", "<u8"),
+        ("statuses", "<u4", (len(STATUSES),)),
+        ("refused", "<u4"),
+        ("refused_torques", "<u4"),
+    ]
+)
 """The C's ``block_summary``."""
 
 # Folders with the objects of the firmware.
 _PARTS = ("controller", "cores", "runtime", "pil")
 
-_HELLO_MAGIC = 0x43484131
+_HELLO_MAGIC = 0x43484132
 _TAKE_CASES, _TAKE_BLOCKS, _RECORD_BLOCK = 1, 2, 3
 _HELLO_BYTES = 20
 
@@ -66,12 +79,13 @@ class Blocks:
 
 
 def result_type(library: Compiled) -> np.dtype[np.void]:
-    """The C's ``step_result``."""
+    """The C's ``step_result``; a torque is named with its unit, as in the controller's own C."""
     joints = len(library.controller.joints)
+    name = units(library.controller).torque.field.removeprefix("applied_")
     return np.dtype(
         [
             ("status", "<i4"),
-            ("torque_Nm", "<f4", (joints,)),
+            (name, np.dtype(library.types.torque), (joints,)),
             ("state", np.dtype(library.types.state)),
         ]
     )
@@ -105,7 +119,8 @@ class Host:
         CHAIN_BUILD.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=CHAIN_BUILD) as scratch:
             path = Path(scratch) / "steps.so"
-            sources = (TARGET / "steps.c", *sorted(directory.glob("*.c")))
+            own = (TARGET / f"{source}.c" for source in STEPS)
+            sources = (*own, *sorted(directory.glob("*.c")))
             command = [compiler(), *HOST_FLAGS, f"-I{REPOSITORY}", f"-I{directory}"]
             command += [*_defines(library), *flags, *map(str, sources), "-o", str(path)]
             done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -179,7 +194,7 @@ def image(
     with tempfile.TemporaryDirectory(dir=folder) as scratch:
         own = [
             _compile(board, library, TARGET / f"{source}.c", directory, Path(scratch), flags)
-            for source in ("steps", "main")
+            for source in (*STEPS, "main")
         ]
         fresh = Path(scratch) / elf.name
         _run(

@@ -13,8 +13,10 @@ import numpy as np
 from codegen.controller import Controller, load
 from codegen.emit import generate
 from plant.robot import load_robot
+from verification.accuracy import ARITHMETICS, REFERENCE
 from verification.bench import cycles
 from verification.bench.variants import CASADI_POWF, NAIVE_DOUBLE, PROJECT
+from verification.certificates.sig_pow.present import Verdict
 from verification.chain.present import NAMES, notes
 from verification.equivalence import Equivalence, Summary, summary
 from verification.evidence import Evidence, plain
@@ -54,6 +56,8 @@ class Results:
         proofs: the symbolic proofs.
         steps: random steps for each variant.
         processor: what was found on the emulated processors.
+        kernels: what is proved of the powers.
+        accuracy: what `make accuracy` left, None if it has not run on today's C.
     """
 
     outcomes: Mapping[Experiment, Outcome]
@@ -61,6 +65,8 @@ class Results:
     proofs: Sequence[Proof]
     steps: int
     processor: Processor
+    kernels: Sequence[Verdict]
+    accuracy: dict[str, Any] | None
 
 
 @dataclass(frozen=True)
@@ -193,11 +199,15 @@ def _bits(processor: Processor) -> tuple[KeyFigure, ...]:
     )
 
 
+_HEADLINE_CORE = "Cortex-M4F"
+"""The smallest core with an FPU, which the default numbers are for."""
+
+
 def _cost(processor: Processor) -> tuple[KeyFigure, ...]:
-    """Instructions of a tick on the first core against CasADi's own C, where it was measured."""
+    """Instructions of a tick on one core against CasADi's own C, where it was measured."""
     if processor.cost is None:
         return ()
-    core, joints = processor.cost.rows[0].core, processor.cost.rows[0].joints
+    core, joints = _HEADLINE_CORE, processor.cost.rows[0].joints
     rows = {
         row.variant: row for row in processor.cost.rows if (row.core, row.joints) == (core, joints)
     }
@@ -303,6 +313,14 @@ COMMANDS = (
         "python -m verification equivalence --steps {steps}",
         "build/verification/equivalence.json",
     ),
+    Command(
+        "the error of the powers",
+        "python -m verification sig-pow",
+        "build/verification/sig_pow.json",
+    ),
+    Command(
+        "closed loops in every arithmetic", "make accuracy", "build/verification/accuracy.json"
+    ),
     Command("processor in the loop", "make pil", "build/pil/pil.json"),
     Command("from the exact law to the processor", "make chain", "build/verification/chain.json"),
     Command("instructions a tick", "make bench", "build/bench/step.json"),
@@ -351,6 +369,21 @@ def as_json(results: Results) -> dict[str, Any]:
             "variants": {name: plain(each) for name, each in results.equivalence.items()},
         },
         "proofs": plain(list(results.proofs)),
+        "kernels": plain(list(results.kernels)),
+        "accuracy": results.accuracy,
+    }
+
+
+def _accuracy(found: dict[str, Any] | None) -> dict[str, Any]:
+    """The closed loops in every arithmetic, by row and controller."""
+    rows: dict[str, dict[str, Any]] = {}
+    for cell in found["cells"] if found else ():
+        rows.setdefault(cell["row"], {})[cell["controller"]] = cell
+    return {
+        "accuracy": found,
+        "accuracy_rows": rows,
+        "accuracy_reference": REFERENCE,
+        "arithmetics": ARITHMETICS,
     }
 
 
@@ -396,6 +429,8 @@ def context(results: Results) -> dict[str, Any]:
         ],
         "scientific": scientific,
         "processor": results.processor,
+        "kernels": results.kernels,
+        **_accuracy(results.accuracy),
         "titles": TITLES,
         "meanings": MEANINGS,
         "cycles_note": cycles.NOTE,

@@ -57,6 +57,16 @@ class Processor:
         }
         return [command for command, found in commands.items() if found is None]
 
+    @property
+    def cheapest(self) -> list[bench.Spread]:
+        """How long a tick is with the cheapest numbers of each core."""
+        if self.cost is None:
+            return []
+        best: dict[tuple[str, int], bench.Spread] = {}
+        for spread in sorted(self.cost.spreads, key=lambda s: s.mean):
+            best.setdefault((spread.core, spread.joints), spread)
+        return [spread for spread in self.cost.spreads if spread in best.values()]
+
     def cost_picture(self) -> str:
         """The bar chart of instructions a step, as an SVG element; empty without figures."""
         if self.cost is None:

@@ -1,7 +1,7 @@
 # Facts of a board, read by the build and by Python alike: NAME := value, no $().
 CORE_NAME := RV32IMAFC
 CORE := rv32
-CPU_FLAGS := -march=rv32imafc_zicsr -mabi=ilp32f
+CPU_FLAGS := -march=rv32imafc -mabi=ilp32f
 # The core pushes nothing at an interrupt: the handler's own frame holds what it saves.
 INTERRUPT_FRAME_BYTES := 0
 TICK_CLOCK_HZ := 10000000

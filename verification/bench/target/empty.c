@@ -3,8 +3,8 @@
 #include "verification/bench/target/bench.h"
 
 /* NOLINTNEXTLINE(readability-non-const-parameter): it has the type of every step. */
-void bench_step(const controller_input *input, float torque_Nm[JOINTS])
+void bench_step(const controller_input *input, bench_torque torque[JOINTS])
 {
     (void)input;
-    (void)torque_Nm;
+    (void)torque;
 }

@@ -20,16 +20,16 @@ typedef struct {
 static memory memories[JOINTS];
 static uint32_t running;
 
-void bench_reset(const int32_t counts[JOINTS], const float holding_torque_Nm[JOINTS])
+void bench_reset(const int32_t counts[JOINTS], const bench_torque holding_torque[JOINTS])
 {
     for (uint32_t j = 0u; j < JOINTS; ++j) {
-        const memory start = {.counts = counts[j], .torque = holding_torque_Nm[j]};
+        const memory start = {.counts = counts[j], .torque = holding_torque[j]};
         memories[j] = start;
     }
     running = 0u;
 }
 
-void bench_step(const controller_input *input, float torque_Nm[JOINTS])
+void bench_step(const controller_input *input, bench_torque torque[JOINTS])
 {
     for (uint32_t j = 0u; j < JOINTS; ++j) {
         const linear_joint *const joint = &linear_joints[j];
@@ -52,15 +52,15 @@ void bench_step(const controller_input *input, float torque_Nm[JOINTS])
         const float sliding = velocity_error + last->sliding_integral;
         const float demand = input->reference_acceleration_rad_per_s2[j] + restoring +
                              (joint->lambda * sliding) - acceleration;
-        float torque = last->torque + (joint->inertia * demand);
-        torque = (torque < joint->torque_limit) ? torque : joint->torque_limit;
-        torque = (torque > -joint->torque_limit) ? torque : -joint->torque_limit;
+        float applied = last->torque + (joint->inertia * demand);
+        applied = (applied < joint->torque_limit) ? applied : joint->torque_limit;
+        applied = (applied > -joint->torque_limit) ? applied : -joint->torque_limit;
 
         last->counts = (int32_t)counts;
         last->displacement = displacement;
         last->sliding_integral += linear_sample_time * restoring;
-        last->torque = torque;
-        torque_Nm[j] = torque;
+        last->torque = applied;
+        torque[j] = applied;
     }
     running = 1u;
 }

@@ -32,13 +32,13 @@ void core_panic(void)
 
 /* What is left of a measured call if the step does nothing: the call and the return. */
 /* NOLINTNEXTLINE(readability-non-const-parameter): it has to be a bench_function. */
-static void empty_step(const controller_input *input, float torque_Nm[JOINTS])
+static void empty_step(const controller_input *input, bench_torque torque[JOINTS])
 {
     (void)input;
-    (void)torque_Nm;
+    (void)torque;
 }
 
-static void copy_torque(float target[JOINTS], const float source[JOINTS])
+static void copy_torque(bench_torque target[JOINTS], const bench_torque source[JOINTS])
 {
     for (uint32_t j = 0u; j < JOINTS; ++j) {
         target[j] = source[j];
@@ -47,33 +47,33 @@ static void copy_torque(float target[JOINTS], const float source[JOINTS])
 
 static void time_all(void)
 {
-    float torque_Nm[JOINTS] = {0.0f};
-    bench_results[0].timer = bench_timed_call(empty_step, &bench_inputs[0], torque_Nm);
+    bench_torque torque[JOINTS] = {0};
+    bench_results[0].timer = bench_timed_call(empty_step, &bench_inputs[0], torque);
     uint32_t tick = 0u;
     for (uint32_t s = 0u; s < bench_sequence_count; ++s) {
         const bench_sequence *const sequence = &bench_sequences[s];
-        bench_reset(sequence->counts, sequence->holding_torque_Nm);
+        bench_reset(sequence->counts, sequence->holding_torque);
         for (uint32_t k = 0u; k < sequence->ticks; ++k) {
             const controller_input *const input = &bench_inputs[tick];
             ++tick;
-            bench_results[tick].timer = bench_timed_call(bench_step, input, torque_Nm);
-            copy_torque(bench_results[tick].torque_Nm, torque_Nm);
+            bench_results[tick].timer = bench_timed_call(bench_step, input, torque);
+            copy_torque(bench_results[tick].torque, torque);
         }
     }
 }
 
 static void paint_all(void)
 {
-    float torque_Nm[JOINTS] = {0.0f};
-    bench_results[0].stack = bench_painted_call(empty_step, &bench_inputs[0], torque_Nm);
+    bench_torque torque[JOINTS] = {0};
+    bench_results[0].stack = bench_painted_call(empty_step, &bench_inputs[0], torque);
     uint32_t tick = 0u;
     for (uint32_t s = 0u; s < bench_sequence_count; ++s) {
         const bench_sequence *const sequence = &bench_sequences[s];
-        bench_reset(sequence->counts, sequence->holding_torque_Nm);
+        bench_reset(sequence->counts, sequence->holding_torque);
         for (uint32_t k = 0u; k < sequence->ticks; ++k) {
             const controller_input *const input = &bench_inputs[tick];
             ++tick;
-            bench_results[tick].stack = bench_painted_call(bench_step, input, torque_Nm);
+            bench_results[tick].stack = bench_painted_call(bench_step, input, torque);
         }
     }
 }

@@ -6,10 +6,10 @@
 #include "verification/bench/target/bench.h"
 
 static controller_input input;
-static float torque_Nm[JOINTS];
+static bench_torque torque[JOINTS];
 
 int main(void)
 {
-    bench_step(&input, torque_Nm);
+    bench_step(&input, torque);
     return 0;
 }

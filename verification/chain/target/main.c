@@ -8,7 +8,7 @@
 #include "firmware_stub/cores/core.h"
 #include "firmware_stub/pil/link.h"
 
-#define HELLO_MAGIC 0x43484131u /* changes with the requests and the answers */
+#define HELLO_MAGIC 0x43484132u /* changes with the requests and the answers */
 
 /* The first word of an answer file: both sides mean the same controller and the same layout. */
 typedef struct {

@@ -17,7 +17,7 @@
 #define STEP_WITHOUT_INPUT 4u
 #define STEP_WITHOUT_TORQUE 8u
 
-/** One step before it is taken. All words are 32 bits, without padding. */
+/** One step before it is taken. All words are 32 bits, without padding: no controller in double. */
 typedef struct {
     uint32_t missing;
     controller_config config;
@@ -26,29 +26,33 @@ typedef struct {
 } step_case;
 
 /**
- * What became of it; torque_Nm holds STEP_UNWRITTEN_NM where the step wrote nothing. What no later
+ * What became of it; torque holds STEP_UNWRITTEN where the step wrote nothing. What no later
  * step reads of the state is zero, unless the step was refused: then all is as it was.
  */
 typedef struct {
     int32_t status;
-    float torque_Nm[JOINTS];
+    controller_number torque[JOINTS];
     controller_state state;
 } step_result;
 
-#define STEP_UNWRITTEN_NM (-12345.0f)
+#define STEP_UNWRITTEN ((controller_number) - 12345)
 
-/** Statuses from TDC_NOT_FINITE to TDC_SATURATED, counted by status - TDC_NOT_FINITE. */
-#define STATUSES 7u
+/** Statuses from TDC_OUT_OF_RANGE to TDC_SATURATED, counted by status - TDC_OUT_OF_RANGE. */
+#define STATUSES 8u
 
 /** What is left of a block of random steps. */
 typedef struct {
     uint64_t hash; /* FNV-1a, 64 bits, over the words of all cases and results */
     uint32_t statuses[STATUSES];
-    uint32_t refused; /* configurations that check_config and init did not take */
+    uint32_t refused;         /* configurations that check_config and init did not take */
+    uint32_t refused_torques; /* holding torques that init did not take */
 } block_summary;
 
 /** What is told of each step of a block. */
 typedef void block_observer(void *context, const step_case *step, const step_result *result);
+
+/** The last tick's memory of a joint: its index is the lowest bit of the phase. */
+controller_joint_state *step_last_memory(controller_state *state, uint32_t j);
 
 /** Takes a step from a copy of its state. */
 void step_take(const step_case *step, step_result *result);
