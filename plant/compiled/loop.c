@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <string.h>
 
-/** The memory of one tick; the integrator goes to and fro between two states. */
+/** The state of motion; the integrator goes to and fro between two copies of it. */
 typedef struct {
     double q[2][LOOP_MAX_JOINTS];
     double qd[2][LOOP_MAX_JOINTS];

@@ -8,7 +8,7 @@
 
 #include <stdint.h>
 
-/** A tick's memory is on the stack. */
+/** The memory of a run is on the stack. */
 #define LOOP_MAX_JOINTS 32
 
 /** Equal substeps that fill a part of a tick. */

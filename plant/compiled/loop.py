@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from codegen.controller import Controller
 from codegen.emit import fixed_parts
@@ -21,6 +21,7 @@ from codegen.rendering import environment
 from plant.closed_loop import (
     Beginning,
     ControllerError,
+    Floats,
     Plant,
     PlantError,
     PlantState,
@@ -206,7 +207,8 @@ class CompiledLoop:
 
         Raises:
             ControllerError: the controller reported an error.
-            PlantError: the motion became non-finite, or the plant is of another structure.
+            PlantError: the motion became non-finite; or the plant is of another structure, or
+                something hasn't as many numbers as there are joints.
             LayoutError: the controller is another one.
         """
         if structure_of(plant) != self._structure:
@@ -215,6 +217,8 @@ class CompiledLoop:
             raise LayoutError(
                 f"the loop was compiled for another controller than {controller.specification.name}"
             )
+        if begin.reference.position_rad.shape[1] != plant.joints:
+            raise PlantError(f"the reference is not for the {plant.joints} joints of {plant.name}")
         record = _record(begin.reference, controller)
         state = _state(begin)
         inputs = controller.inputs(
@@ -254,11 +258,19 @@ def _arrays(plant: Plant) -> dict[str, NDArray[Any]]:
         "torque_limit_Nm": plant.drive.torque_limit_Nm,
         "counts_per_rad": plant.encoder.counts_per_rad,
         "phase": plant.encoder.phase,
-        "numbers": numbers(plant),
     }
-    made = {name: np.ascontiguousarray(x, dtype=np.float64) for name, x in doubles.items()}
-    offset = np.ascontiguousarray(plant.encoder.offset_counts, dtype=np.int64)
-    return made | {"offset_counts": offset}
+    arrays = {name: _vector(x, plant.joints) for name, x in doubles.items()}
+    _vector(plant.encoder.offset_counts, plant.joints)
+    offset = np.array(plant.encoder.offset_counts, dtype=np.int64)
+    return arrays | {"numbers": numbers(plant), "offset_counts": offset}
+
+
+def _vector(values: ArrayLike, joints: int) -> Floats:
+    """A copy for the C, which reads one number a joint whether it is there or not."""
+    made = np.array(values, dtype=np.float64)
+    if made.shape != (joints,):
+        raise PlantError(f"{joints} numbers are needed, one a joint, not shape {made.shape}")
+    return made
 
 
 def _plant(
@@ -313,8 +325,14 @@ def _record(reference: Reference, controller: GeneratedController) -> dict[str, 
 def _state(begin: Beginning) -> dict[str, NDArray[Any]]:
     """A copy of the state, for the C to work on."""
     state = begin.state
-    parts = {"q": state.q, "qd": state.qd, "friction": state.friction, "torque_Nm": begin.torque_Nm}
-    return {name: np.array(part, dtype=np.float64) for name, part in parts.items()}
+    parts: dict[str, ArrayLike] = {
+        "q": state.q,
+        "qd": state.qd,
+        "friction": state.friction,
+        "torque_Nm": begin.torque_Nm,
+    }
+    joints = begin.reference.position_rad.shape[1]
+    return {name: _vector(part, joints) for name, part in parts.items()}
 
 
 def simulate(

@@ -480,9 +480,20 @@ def test_what_cannot_be_run_says_why(reference: Case, puma3: Controller, six: Ca
         CompiledLoop(six.plant, puma3)
     motion = RestToRest(np.array([START, START]), np.array([0.01]))
     begin = beginning(reference.plant, motion, TICK)
+    six_joints = RestToRest(np.zeros((2, 6)), np.array([0.01])).sampled(TICK)
     smooth = replace(reference.plant, friction=frictionless(3))
     with pytest.raises(PlantError, match="another structure"):
         reference.loop.run(smooth, reference.loop.controller(), begin, TICK)
+    for wrong in (
+        replace(begin, reference=six_joints),
+        replace(begin, torque_Nm=np.zeros(2)),
+        replace(begin, state=replace(begin.state, friction=[0.0])),
+    ):
+        with pytest.raises(PlantError, match="joint"):
+            reference.loop.run(reference.plant, reference.loop.controller(), wrong, TICK)
+    lame = replace(reference.plant, drive=Drive(np.ones(1)))
+    with pytest.raises(PlantError, match=r"3 numbers are needed, one a joint, not shape \(1,\)"):
+        reference.loop.run(lame, reference.loop.controller(), begin, TICK)
     fixed = GeneratedController(load(CONTROLLERS / "puma3_fixed.toml"))
     with pytest.raises(LayoutError, match="another controller than puma3_fixed"):
         reference.loop.run(reference.plant, fixed, begin, TICK)
