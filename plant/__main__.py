@@ -20,9 +20,10 @@ from codegen.problems import SpecificationError
 from codegen.source import GenerationError
 from plant.closed_loop import ControllerError, PlantError
 from plant.controller import LayoutError
-from plant.flight import fly
+from plant.flight import Backend, fly
 from plant.model import build_model, dynamics
-from plant.native import CompilerError
+from plant.native import BUILD, CompilerError
+from plant.pace import CONTROLLERS, measure
 from plant.robot import FrictionName, Robot, RobotError, load_robot, robot_names
 
 
@@ -132,6 +133,7 @@ def _simulate(arguments: argparse.Namespace, console: Console) -> int:
         friction=arguments.friction,
         speed=arguments.speed,
         substep_s=arguments.substep,
+        backend=arguments.backend,
     )
     figures = flight.figures()
     if arguments.json:
@@ -154,6 +156,64 @@ def _simulate(arguments: argparse.Namespace, console: Console) -> int:
         f"{figures['saturated_ticks']} with a joint at its torque limit"
     )
     return 0
+
+
+def _bench(arguments: argparse.Namespace, console: Console) -> int:
+    figures = []
+    for name in CONTROLLERS:
+        figures.append(measure(name, arguments.substep, arguments.rounds).figures())
+    file = BUILD / "plant" / "pace.json"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+    if arguments.json:
+        print(json.dumps(figures))
+        return 0
+    rows = {
+        "pinocchio, s": [row["pinocchio"]["wall_s"] for row in figures],
+        "compiled, s": [row["compiled"]["wall_s"] for row in figures],
+        "pinocchio, times real time": [row["pinocchio_times_real_time"] for row in figures],
+        "compiled, times real time": [row["compiled_times_real_time"] for row in figures],
+        "compiled in all threads": [row["together_times_real_time"] for row in figures],
+        "compiled, times pinocchio": [row["compiled_times_pinocchio"] for row in figures],
+        "the same by CPU time": [row["compiled_times_pinocchio_cpu"] for row in figures],
+    }
+    table = Table(title="one run with its generated C", title_justify="left")
+    table.add_column("")
+    for row in figures:
+        table.add_column(f"{row['controller']} on {row['robot']}", justify="right")
+    for title, values in rows.items():
+        table.add_row(title, *(f"{value:.3g}" for value in values))
+    console.print(table)
+    console.print(
+        f"runs of {figures[0]['simulated_s']:g} s, steps of at most {arguments.substep:g} s; "
+        f"medians of {arguments.rounds} in turns, without compiling; "
+        f"{figures[0]['threads']} threads"
+    )
+    return 0
+
+
+def _add_bench(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    parser = commands.add_parser(
+        "bench",
+        help="measure how fast both backends are",
+        description="Flies puma3 and puma6 on both backends in turns and tells simulated seconds "
+        "in a second, for one run at a time and for a run in each of the processor's threads. "
+        "Writes build/plant/pace.json as well.",
+    )
+    parser.add_argument(
+        "--substep", type=_positive, default=1e-4, help="longest integration step [s], 1e-4"
+    )
+    parser.add_argument("--rounds", type=_count, default=5, help="runs of each backend, 5")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.set_defaults(run=_bench)
+
+
+def _count(text: str) -> int:
+    """An integer greater than 0, for argparse."""
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not greater than 0")
+    return number
 
 
 def _add_simulate(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -181,6 +241,12 @@ def _add_simulate(commands: argparse._SubParsersAction[argparse.ArgumentParser])
     )
     parser.add_argument(
         "--substep", type=_positive, default=1e-4, help="longest integration step [s], 1e-4"
+    )
+    parser.add_argument(
+        "--backend",
+        choices=get_args(Backend),
+        default="pinocchio",
+        help="pinocchio, the reference in Python, or compiled, the same loop in C",
     )
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.set_defaults(run=_simulate)
@@ -219,6 +285,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m plant", description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
     _add_simulate(commands)
+    _add_bench(commands)
     _add_dynamics(commands)
     _add_robots(commands)
     return parser

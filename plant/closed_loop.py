@@ -217,6 +217,7 @@ class Run:
         torque_applied_Nm: mean over the tick of what the drives applied.
         friction_Nm: friction torque at the beginning of the tick, opposing motion.
         status: the controller's status, shape (ticks,).
+        end: the state of the plant after the last tick.
     """
 
     sample_time_s: float
@@ -232,6 +233,7 @@ class Run:
     torque_applied_Nm: Floats
     friction_Nm: Floats
     status: NDArray[np.int64]
+    end: PlantState
 
     @property
     def error_rad(self) -> Floats:
@@ -283,6 +285,34 @@ def simulate(
         PlantError: the numbers of joints differ, the drives cannot hold the start posture, or the
             motion became non-finite.
     """
+    begin = beginning(plant, trajectory, sample_time_s)
+    status = controller.reset(plant.encoder.counts(begin.state.q), begin.torque_Nm)
+    if status < 0:
+        raise ControllerError(-1, status)
+    return run_from(plant, controller, begin, sample_time_s, substep_s, progress)
+
+
+@dataclass(frozen=True, eq=False)
+class Beginning:
+    """How a run begins.
+
+    Attributes:
+        reference: of the whole run.
+        state: of the plant.
+        torque_Nm: that the drives apply, shape (n,).
+    """
+
+    reference: Reference
+    state: PlantState
+    torque_Nm: Floats
+
+
+def beginning(plant: Plant, trajectory: RestToRest, sample_time_s: float) -> Beginning:
+    """At rest at the trajectory's first posture, held against gravity, bristles undeflected.
+
+    Raises:
+        PlantError: the numbers of joints differ, or the drives cannot hold the start posture.
+    """
     reference = trajectory.sampled(sample_time_s)
     if reference.position_rad.shape[1] != plant.joints:
         raise PlantError(
@@ -294,22 +324,32 @@ def simulate(
     if np.any(np.abs(held) > plant.drive.torque_limit_Nm):
         raise PlantError(f"the drives of {plant.name} cannot hold its start posture")
     state = PlantState(start.copy(), np.zeros(plant.joints), plant.friction.at_rest())
-    status = controller.reset(plant.encoder.counts(start), held)
-    if status < 0:
-        raise ControllerError(-1, status)
-    return _run(plant, controller, reference, state, held, sample_time_s, substep_s, progress)
+    return Beginning(reference, state, held)
 
 
-def _run(
+def run_from(
     plant: Plant,
     controller: Controller,
-    reference: Reference,
-    state: PlantState,
-    torque_Nm: Floats,
+    begin: Beginning,
     sample_time_s: float,
-    substep_s: float,
-    progress: bool | None,
+    substep_s: float = 1e-4,
+    progress: bool | None = None,
 ) -> Run:
+    """Runs a controller that is already switched on, from any state of the plant.
+
+    Args:
+        plant: from :func:`build_plant`.
+        controller: goes on from its own state.
+        begin: the first state, and the reference; the run is as long as it.
+        sample_time_s: L.
+        substep_s: longest step of the integrator.
+        progress: shows a progress bar; by default on a terminal only.
+
+    Raises:
+        ControllerError: the controller reported an error.
+        PlantError: the motion became non-finite.
+    """
+    reference, state, torque_Nm = begin.reference, begin.state, begin.torque_Nm
     encoder, drive, integrator = plant.encoder, plant.drive, Integrator(plant)
     shape = reference.position_rad.shape
     q, qd, applied, friction = (np.empty(shape) for _ in range(4))
@@ -339,7 +379,7 @@ def _run(
                 friction[k] = first
         applied[k] = drive.delay * old + (1.0 - drive.delay) * torque_Nm
         if not np.all(np.isfinite(state.q)):
-            raise PlantError(f"the motion of {plant.name} became non-finite in tick {k}")
+            raise diverged(plant, k)
     return Run(
         sample_time_s=sample_time_s,
         time_s=reference.time_s,
@@ -354,7 +394,13 @@ def _run(
         torque_applied_Nm=applied,
         friction_Nm=friction,
         status=statuses,
+        end=state,
     )
+
+
+def diverged(plant: Plant, tick: int) -> PlantError:
+    """The error of a motion that became non-finite."""
+    return PlantError(f"the motion of {plant.name} became non-finite in tick {tick}")
 
 
 def _ticks(count: int, progress: bool | None, name: str) -> Iterable[int]:

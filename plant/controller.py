@@ -93,6 +93,11 @@ class GeneratedController:
         library: the compiled C; generated and compiled if not given.
 
     Attributes:
+        specification: as given.
+        sources: the folder with its C; None where a library was given.
+        config: the running configuration, as the C reads it.
+        state: as the C keeps it.
+        input: of the last tick.
         types: its structures.
         units: what its numbers mean.
 
@@ -102,7 +107,9 @@ class GeneratedController:
 
     def __init__(self, controller: Controller, library: Path | None = None) -> None:
         self.specification = controller
-        self._library = ctypes.CDLL(str(library or shared_library(sources_of(controller))))
+        self.sources = sources_of(controller) if library is None else None
+        compiled = library if self.sources is None else shared_library(self.sources)
+        self._library = ctypes.CDLL(str(compiled))
         self.types = structures(controller)
         prefix = f"tdc_{controller.name}"
         try:
@@ -173,9 +180,37 @@ class GeneratedController:
     ) -> int:
         """Calls ``tdc_NAME_init``; returns its status."""
         c_counts = (ctypes.c_int32 * self.joints)(*map(int, counts))
-        torque = self.units.torque.stored(holding_torque_Nm)
-        c_torque = (self.types.torque * self.joints)(*torque.tolist())
+        c_torque = self.holding_torque(holding_torque_Nm)
         return int(self._init(*self._pointers[:2], c_counts, c_torque))
+
+    def holding_torque(self, torque_Nm: NDArray[np.float64]) -> ctypes.Array[Any]:
+        """A holding torque, shape (n,), as ``tdc_NAME_init`` takes it."""
+        stored = self.units.torque.stored(torque_Nm)
+        array: ctypes.Array[Any] = (self.types.torque * self.joints)(*stored.tolist())
+        return array
+
+    def inputs(
+        self,
+        position_rad: NDArray[np.float64],
+        velocity_rad_per_s: NDArray[np.float64],
+        acceleration_rad_per_s2: NDArray[np.float64],
+    ) -> NDArray[np.void]:
+        """The input structures of many ticks, as :meth:`step` fills them, with counts of 0.
+
+        Args:
+            position_rad: see :meth:`step`; here and below of shape (ticks, n).
+            velocity_rad_per_s: reference.
+            acceleration_rad_per_s2: reference.
+
+        Returns:
+            An array of the C's structures, shape (ticks,).
+        """
+        made = np.zeros(len(position_rad), dtype=np.dtype(self.types.input))
+        made["reference_position_q8"] = self.position_q8(position_rad)
+        made[self.units.velocity.field] = self.units.velocity.stored(velocity_rad_per_s)
+        acceleration = self.units.acceleration
+        made[acceleration.field] = acceleration.stored(acceleration_rad_per_s2)
+        return made
 
     def position_q8(self, position_rad: NDArray[np.float64]) -> NDArray[np.int32]:
         """Joint positions, shape (n,) or (ticks, n), in 1/256 count, wrapped to 32 bits."""

@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from codegen.controller import Controller, load
 from plant.closed_loop import PlantError, Run, build_plant, simulate
+from plant.compiled import loop as compiled
 from plant.controller import SATURATED, GeneratedController
 from plant.robot import FrictionName, Robot, load_robot
 
 DEFAULT_ROBOTS = {3: "reference", 6: "puma560"}
 """The robot for a number of joints, where none is named."""
+
+Backend = Literal["pinocchio", "compiled"]
+BACKENDS: dict[Backend, Callable[..., Run]] = {
+    "pinocchio": simulate,
+    "compiled": compiled.simulate,
+}
+"""The closed loop in Python over Pinocchio, the reference, and the same loop in C."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +71,7 @@ def fly(
     speed: float = 1.0,
     substep_s: float = 1e-4,
     progress: bool | None = None,
+    backend: Backend = "pinocchio",
 ) -> Flight:
     """Flies the C of a specification along the robot's own trajectory.
 
@@ -76,6 +86,7 @@ def fly(
         speed: how many times as fast the trajectory is run.
         substep_s: longest step of the plant's integration [s].
         progress: whether to show a progress bar; by default on a terminal only.
+        backend: ``pinocchio``, the reference, or ``compiled``, the same loop in C.
 
     Raises:
         SpecificationError: the specification or the experiment can't be used.
@@ -92,7 +103,7 @@ def fly(
     _check_encoders(shipped, body)
     controller = GeneratedController(shipped)
     controller.set_gains(tuned)
-    run = simulate(
+    run = BACKENDS[backend](
         plant,
         controller,
         body.trajectory.faster(speed),

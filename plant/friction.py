@@ -16,15 +16,56 @@ as the torque level of the Stribeck curve (level = sigma0 g):
     level = Fc + (Fs - Fc) exp(-(v / vs)^2)                  their (4)
 
 The classes work on sequences of floats, one entry for each joint: for three to six joints that is
-several times faster than numpy, whose cost is per call.
+several times faster than numpy, whose cost is per call. What a joint does over a step is written
+once for all kinds of numbers (:class:`Functions`): the compiled backend puts CasADi expressions
+into the same lines.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import operator
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
+
+Number = Any
+"""A float, or a CasADi SX expression; CasADi has no types."""
+
+
+@dataclass(frozen=True)
+class Functions:
+    """The functions of some kind of numbers; each argument and result is one number.
+
+    Attributes:
+        exp: e^x.
+        expm1: e^x - 1, precise near 0.
+        sin: of an angle [rad].
+        tanh: hyperbolic tangent.
+        copysign: the first number's magnitude with the second's sign.
+        maximum: the larger of two.
+        where: the second number where the first, a condition, holds, else the third; both are
+            computed, and neither may divide by 0.
+        zero: whether a number is 0 for certain.
+    """
+
+    exp: Callable[[Number], Number]
+    expm1: Callable[[Number], Number]
+    sin: Callable[[Number], Number]
+    tanh: Callable[[Number], Number]
+    copysign: Callable[[Number, Number], Number]
+    maximum: Callable[[Number, Number], Number]
+    where: Callable[[Number, Number, Number], Number]
+    zero: Callable[[Number], bool]
+
+
+def _where(condition: bool, if_true: float, if_false: float) -> float:
+    return if_true if condition else if_false
+
+
+FLOATS = Functions(
+    math.exp, math.expm1, math.sin, math.tanh, math.copysign, max, _where, operator.not_
+)
 
 
 @dataclass(frozen=True)
@@ -47,13 +88,17 @@ class StribeckCurve:
     ripple_amplitude: float = 0.0
     ripple_rad_per_rad: float = 0.0
 
-    def level(self, position_rad: float, velocity_rad_per_s: float) -> float:
+    def level(
+        self, position_rad: Number, velocity_rad_per_s: Number, f: Functions = FLOATS
+    ) -> Number:
         """The level [N m], always >= 0, for the direction of the velocity."""
-        coulomb = self.coulomb_negative_Nm if velocity_rad_per_s < 0.0 else self.coulomb_positive_Nm
+        coulomb = f.where(
+            velocity_rad_per_s < 0.0, self.coulomb_negative_Nm, self.coulomb_positive_Nm
+        )
         ratio = velocity_rad_per_s / self.velocity_rad_per_s
-        level = coulomb * (1.0 + (self.static_over_coulomb - 1.0) * math.exp(-ratio * ratio))
-        if self.ripple_amplitude:
-            level *= 1.0 + self.ripple_amplitude * math.sin(self.ripple_rad_per_rad * position_rad)
+        level = coulomb * (1.0 + (self.static_over_coulomb - 1.0) * f.exp(-ratio * ratio))
+        if not f.zero(self.ripple_amplitude):
+            level *= 1.0 + self.ripple_amplitude * f.sin(self.ripple_rad_per_rad * position_rad)
         return level
 
     @property
@@ -62,6 +107,10 @@ class StribeckCurve:
         return (
             0.5 * self.static_over_coulomb * (self.coulomb_positive_Nm + self.coulomb_negative_Nm)
         )
+
+
+JointFriction = tuple[Number, Number, Number]
+"""State, torque and derivative of one joint as in :class:`FrictionStep`; a bare tuple is faster."""
 
 
 class FrictionStep(NamedTuple):
@@ -78,12 +127,30 @@ class FrictionStep(NamedTuple):
     derivative_Nms_per_rad: list[float]
 
 
+class JointModel(Protocol):
+    """The friction of one joint, in any kind of numbers."""
+
+    def step(
+        self,
+        position_rad: Number,
+        velocity_rad_per_s: Number,
+        state: Number,
+        step_s: Number,
+        f: Functions = FLOATS,
+    ) -> JointFriction:
+        """Friction over one step with the velocity frozen."""
+
+
 class FrictionModel(Protocol):
     """What the integrator needs of a friction model."""
 
     @property
     def joints(self) -> int:
         """Number of joints."""
+
+    @property
+    def parameters(self) -> Sequence[JointModel]:
+        """The friction of each joint."""
 
     def at_rest(self) -> list[float]:
         """The internal state of a joint that no torque loads."""
@@ -101,6 +168,22 @@ class FrictionModel(Protocol):
         self, position_rad: Sequence[float], velocity_rad_per_s: Sequence[float]
     ) -> list[float]:
         """The torque [N m] after a long time at constant velocity; 0 at standstill."""
+
+
+def _all_joints(
+    joints: Sequence[JointModel],
+    position_rad: Sequence[float],
+    velocity_rad_per_s: Sequence[float],
+    state: Sequence[float],
+    step_s: float,
+) -> FrictionStep:
+    states, torques, derivatives = [], [], []
+    for joint, q, v, z in zip(joints, position_rad, velocity_rad_per_s, state, strict=True):
+        z_new, torque, derivative = joint.step(q, v, z, step_s)
+        states.append(z_new)
+        torques.append(torque)
+        derivatives.append(derivative)
+    return FrictionStep(states, torques, derivatives)
 
 
 def _steady_torque(
@@ -127,6 +210,34 @@ class LuGreJoint:
     stiffness_Nm_per_rad: float
     bristle_damping_Nms_per_rad: float
     viscous_Nms_per_rad: float
+
+    def step(
+        self,
+        position_rad: Number,
+        velocity_rad_per_s: Number,
+        state: Number,
+        step_s: Number,
+        f: Functions = FLOATS,
+    ) -> JointFriction:
+        """Advances the bristle [rad] by its exact solution; see :meth:`LuGre.step`."""
+        v, z = velocity_rad_per_s, state
+        stiffness, damping = self.stiffness_Nm_per_rad, self.bristle_damping_Nms_per_rad
+        # How much of the level the bristle carries in the direction of motion, per deflection.
+        saturation = f.copysign(stiffness, v) / self.curve.level(position_rad, v, f)
+        x = saturation * v * step_s
+        moves = x > 0.0
+        decay = f.exp(-x)
+        moved = z * decay - v * step_s * f.expm1(-x) / f.where(moves, x, 1.0)
+        deflection = f.where(moves, moved, z)
+        # d(z+)/dv = h exp(-x) (1 - sigma0 z sgn(v) / level); negative only if the bristle is
+        # stretched beyond the level (which has just fallen), where no help is needed.
+        slope = f.where(moves, f.maximum(0.0, step_s * decay * (1.0 - saturation * z)), step_s)
+        viscous = self.viscous_Nms_per_rad
+        return (
+            deflection,
+            stiffness * deflection + damping * (deflection - z) / step_s + viscous * v,
+            (stiffness + damping / step_s) * slope + viscous,
+        )
 
 
 @dataclass(frozen=True)
@@ -170,30 +281,7 @@ class LuGre:
         Returns:
             The deflections after the step, F and D.
         """
-        deflections, torques, derivatives = [], [], []
-        for joint, q, v, z in zip(
-            self.parameters, position_rad, velocity_rad_per_s, state, strict=True
-        ):
-            stiffness = joint.stiffness_Nm_per_rad
-            # How much of the level the bristle carries in the direction of motion, per deflection.
-            saturation = math.copysign(stiffness, v) / joint.curve.level(q, v)
-            x = saturation * v * step_s
-            if x > 0.0:
-                decay = math.exp(-x)
-                deflection = z * decay - v * step_s * math.expm1(-x) / x
-                # d(z+)/dv = h exp(-x) (1 - sigma0 z sgn(v) / level); negative only if the bristle
-                # is stretched beyond the level (which has just fallen), where no help is needed.
-                slope = max(0.0, step_s * decay * (1.0 - saturation * z))
-            else:
-                deflection, slope = z, step_s
-            damping = joint.bristle_damping_Nms_per_rad
-            viscous = joint.viscous_Nms_per_rad
-            deflections.append(deflection)
-            torques.append(
-                stiffness * deflection + damping * (deflection - z) / step_s + viscous * v
-            )
-            derivatives.append((stiffness + damping / step_s) * slope + viscous)
-        return FrictionStep(deflections, torques, derivatives)
+        return _all_joints(self.parameters, position_rad, velocity_rad_per_s, state, step_s)
 
     def steady_torque(
         self, position_rad: Sequence[float], velocity_rad_per_s: Sequence[float]
@@ -219,6 +307,21 @@ class CoulombStribeckJoint:
     viscous_Nms_per_rad: float
     width_rad_per_s: float
 
+    def step(
+        self,
+        position_rad: Number,
+        velocity_rad_per_s: Number,
+        state: Number,
+        step_s: Number,  # noqa: ARG002 - the interface of all friction models
+        f: Functions = FLOATS,
+    ) -> JointFriction:
+        """The torque at the frozen velocity; see :meth:`CoulombStribeck.step`."""
+        v, width = velocity_rad_per_s, self.width_rad_per_s
+        level, moves = self.curve.level(position_rad, v, f), v != 0.0
+        mean = level * f.tanh(v / width) / f.where(moves, v, 1.0)
+        derivative = f.where(moves, mean, level / width) + self.viscous_Nms_per_rad
+        return state, derivative * v, derivative
+
 
 @dataclass(frozen=True)
 class CoulombStribeck:
@@ -240,7 +343,7 @@ class CoulombStribeck:
         position_rad: Sequence[float],
         velocity_rad_per_s: Sequence[float],
         state: Sequence[float],
-        step_s: float,  # noqa: ARG002 - the interface of all friction models
+        step_s: float,
     ) -> FrictionStep:
         """The torque at the frozen velocity.
 
@@ -258,14 +361,7 @@ class CoulombStribeck:
         Returns:
             The state as it was, F and D.
         """
-        torques, derivatives = [], []
-        for joint, q, v in zip(self.parameters, position_rad, velocity_rad_per_s, strict=True):
-            level, width = joint.curve.level(q, v), joint.width_rad_per_s
-            derivative = level * math.tanh(v / width) / v if v else level / width
-            derivative += joint.viscous_Nms_per_rad
-            torques.append(derivative * v)
-            derivatives.append(derivative)
-        return FrictionStep(list(state), torques, derivatives)
+        return _all_joints(self.parameters, position_rad, velocity_rad_per_s, state, step_s)
 
     def steady_torque(
         self, position_rad: Sequence[float], velocity_rad_per_s: Sequence[float]

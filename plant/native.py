@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from codegen.controller import Controller
@@ -52,20 +53,47 @@ def shared_library(directory: Path) -> Path:
     Raises:
         CompilerError: the compiler is missing or reports an error.
     """
-    command = [compiler(), *FLAGS]
-    sources = sorted(p for p in directory.iterdir() if p.suffix in (".c", ".h"))
-    digest = hashlib.sha256(" ".join(command).encode())
-    for path in sources:
-        digest.update(path.name.encode() + b"\0" + path.read_bytes())
-    target = BUILD / "host" / f"{directory.name}-{digest.hexdigest()[:16]}.so"
+    return library(directory.name, c_files(directory))
+
+
+def c_files(directory: Path) -> dict[str, bytes]:
+    """The C sources and headers of a directory, by name."""
+    found = sorted(p for p in directory.iterdir() if p.suffix in (".c", ".h"))
+    return {path.name: path.read_bytes() for path in found}
+
+
+def library(
+    name: str, files: Mapping[str, bytes], flags: Sequence[str] = FLAGS, libraries: str = ""
+) -> Path:
+    """The shared library of some C, compiled unless it is there already.
+
+    Args:
+        name: what the library's own name begins with.
+        files: sources and headers by file name, all for one folder.
+        flags: of the compiler.
+        libraries: a flag for the linker such as ``-lm``, or nothing.
+
+    Raises:
+        CompilerError: the compiler is missing or reports an error.
+    """
+    command = [compiler(), *flags]
+    digest = hashlib.sha256(" ".join([*command, libraries]).encode())
+    for file, content in files.items():
+        digest.update(file.encode() + b"\0" + content)
+    target = BUILD / "host" / f"{name}-{digest.hexdigest()[:16]}.so"
     if target.exists():
         return target
     target.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=target.parent) as scratch:
         fresh = Path(scratch) / target.name
-        files = [str(p) for p in sources if p.suffix == ".c"]
+        for file, content in files.items():
+            (Path(scratch) / file).write_bytes(content)
+        sources = [str(Path(scratch) / file) for file in files if file.endswith(".c")]
         done = subprocess.run(
-            [*command, "-o", str(fresh), *files], capture_output=True, text=True, check=False
+            [*command, "-o", str(fresh), *sources, *filter(None, [libraries])],
+            capture_output=True,
+            text=True,
+            check=False,
         )
         if done.returncode != 0:
             raise CompilerError(f"{' '.join(command)} failed:\n{done.stderr}")

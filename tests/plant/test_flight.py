@@ -55,6 +55,32 @@ def test_another_number_of_joints_or_another_encoder_is_refused(tmp_path: Path) 
         fly(pulses)
 
 
+def test_the_compiled_backend_is_chosen_by_an_option(capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["simulate", str(PUMA3), "--backend", "compiled", "--json"]
+    printed = []
+    for _ in range(2):
+        assert main(command) == 0
+        printed.append(capsys.readouterr().out)
+    assert printed[0] == printed[1]
+    errors = json.loads(printed[0])["rms_deg"]
+    # The run of 12 s in Python, see the README's table.
+    assert errors == pytest.approx([0.0011, 0.0013, 0.0014], rel=0.08)
+
+
+def test_bench_tells_how_fast_the_backends_are(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("plant.__main__.CONTROLLERS", ("puma3",))
+    assert main(["bench", "--rounds", "1", "--substep", "1e-3", "--json"]) == 0
+    (figures,) = json.loads(capsys.readouterr().out)
+    assert figures["joints"] == 3
+    assert figures["simulated_s"] == pytest.approx(12.0)
+    ratio = figures["pinocchio"]["wall_s"] / figures["compiled"]["wall_s"]
+    assert figures["compiled_times_pinocchio"] == pytest.approx(ratio)
+    # Far less than it is, so that a busy machine doesn't fail.
+    assert figures["compiled_times_pinocchio_cpu"] > 5.0
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
