@@ -217,8 +217,8 @@ def _experiments(arguments: argparse.Namespace, console: Console, progress: Cons
 
 
 def _accuracy(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
-    total = len(table_2()) * len(ARITHMETICS) * arguments.phases
-    with _bar(progress, "closed loops", total) as advance:
+    total = len(table_2()) * len(ARITHMETICS)
+    with _bar(progress, "rows of Table II", total) as advance:
         result = measure(phases=arguments.phases, advance=advance)
     if not arguments.json:
         table = Table("row", *ARITHMETICS.values())
