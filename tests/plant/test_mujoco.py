@@ -1,0 +1,300 @@
+"""Rigid-body dynamics against MuJoCo, which shares no code with Pinocchio.
+
+The MuJoCo model is built here from the numbers of the robot files, by a route of its own. Pinocchio
+has its frames at the joints, so plant/model.py moves the mass properties there. Here each body's
+frame is the link's own: mass properties enter as they are written, and it is the joint's axis that
+is expressed in the link's frame. A locked joint is a body without a joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from typing import Any
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from plant.model import build_model
+from plant.robot import InertiaTensor, Link, LinksTable, Robot, load_robot
+
+Floats = NDArray[np.float64]
+Keys = tuple[str | int, ...]
+
+# Of the largest element of the matrix or vector; rounding makes some 1e-14.
+TOLERANCE = 1e-12
+STATES = 10
+SWING_S = 1.0
+SWING_STEP_S = 1e-3
+SWING_TOLERANCE_RAD = 1e-9
+# When one number differs by 1 %, a comparison must miss its tolerance by this factor at least.
+NOTICED = 10
+# How high the base stands adds a constant to the potential energy: no motion shows it.
+WITHOUT_EFFECT = {("chain", 0, "d_m")}
+
+
+@dataclass(frozen=True)
+class Placement:
+    """A link's frame in that of the link before, at q = 0, and its joint in the link's own frame.
+
+    Attributes:
+        position_m: the frame's origin in the frame before.
+        joint_axis: unit vector of the joint's axis in the link's frame.
+        joint_position_m: a point of the axis in the link's frame.
+    """
+
+    position_m: tuple[float, float, float]
+    joint_axis: tuple[float, float, float]
+    joint_position_m: tuple[float, float, float]
+
+
+def _placement(link: Link, convention: str) -> Placement:
+    """Craig's (modified) frame lies on its own joint's axis, the standard one on the next joint's.
+
+    Both are turned by alpha about x, which the frames before and after have in common.
+    """
+    a, d, alpha = link.a_m, link.d_m, np.deg2rad(link.alpha_deg)
+    sin, cos = float(np.sin(alpha)), float(np.cos(alpha))
+    if convention == "standard-dh":
+        return Placement((a, 0.0, d), (0.0, sin, cos), (-a, -d * sin, -d * cos))
+    return Placement((a, -d * sin, d * cos), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+
+
+def _principal(t: InertiaTensor) -> tuple[Floats, Floats]:
+    """Principal moments [kg m^2] and the unit quaternion (w, x, y, z) of their axes."""
+    moments, axes = np.linalg.eigh([[t.xx, t.xy, t.xz], [t.xy, t.yy, t.yz], [t.xz, t.yz, t.zz]])
+    quaternion = np.zeros(4)
+    # A rotation, not a reflection: eigenvectors may form a left-handed triple.
+    mujoco.mju_mat2Quat(quaternion, (axes * np.linalg.det(axes)).ravel())
+    return moments, quaternion
+
+
+def _mujoco_model(robot: Robot) -> Any:
+    """The arm in MuJoCo: hinges and armature only, no geometry, so no contacts; no friction."""
+    spec = mujoco.MjSpec()
+    spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
+    spec.option.gravity = [0.0, 0.0, -robot.links.gravity_m_per_s2]
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    spec.option.timestep = SWING_STEP_S
+    armature = dict(zip(robot.moving, robot.armature_kgm2, strict=True))
+    principal = [_principal(link.inertia_kgm2) for link in robot.links.chain]
+    body = spec.worldbody
+    for index, (link, (_, axes)) in enumerate(zip(robot.links.chain, principal, strict=True)):
+        placement = _placement(link, robot.links.convention)
+        half = np.deg2rad(link.alpha_deg) / 2
+        body = body.add_body(
+            name=f"link_{index + 1}",
+            pos=placement.position_m,
+            quat=[np.cos(half), np.sin(half), 0.0, 0.0],
+            explicitinertial=True,
+            mass=1.0,
+            inertia=[1.0, 1.0, 1.0],
+            ipos=link.center_of_mass_m,
+            iquat=axes,
+        )
+        if index in armature:
+            body.add_joint(
+                type=mujoco.mjtJoint.mjJNT_HINGE,
+                axis=placement.joint_axis,
+                pos=placement.joint_position_m,
+                armature=armature[index],
+            )
+    model = spec.compile()
+    # MuJoCo's compiler refuses the published waist, which has an inertia about one axis and no
+    # mass: no body is like that. What it has compiled may be given such numbers.
+    model.body_mass[1:] = [link.mass_kg for link in robot.links.chain]
+    model.body_inertia[1:] = [moments for moments, _ in principal]
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    return model
+
+
+def _mujoco_terms(model: Any, q: Floats, qd: Floats) -> tuple[Floats, Floats]:
+    """M [kg m^2] with armature, and C qd + g [N m]."""
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = q, qd
+    mujoco.mj_forward(model, data)
+    M = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, M)
+    return M, data.qfrc_bias.copy()
+
+
+def _pinocchio_terms(model: pin.Model, q: Floats, qd: Floats) -> tuple[Floats, Floats]:
+    """The same two of the plant's model."""
+    data = model.createData()
+    M = pin.crba(model, data, q).copy()
+    return M, pin.nonLinearEffects(model, data, q, qd).copy()
+
+
+def _disagreement(ours: Robot, theirs: Any) -> tuple[float, float]:
+    """Largest differences of M and of the bias forces, relative to the largest element of each.
+
+    Args:
+        ours: the robot that Pinocchio gets.
+        theirs: the model that MuJoCo gets.
+    """
+    rng = np.random.default_rng(1986)
+    model = build_model(ours)
+    worst = np.zeros(2)
+    for _ in range(STATES):
+        q, qd = rng.uniform(-3.0, 3.0, (2, ours.joints))
+        pairs = zip(_pinocchio_terms(model, q, qd), _mujoco_terms(theirs, q, qd), strict=True)
+        found = [np.max(np.abs(own - other)) / np.max(np.abs(other)) for own, other in pairs]
+        worst = np.maximum(worst, found)
+    return float(worst[0]), float(worst[1])
+
+
+def _made_up(convention: str) -> Robot:
+    """Five links, the third locked, with nothing at zero: skew axes and full inertia tensors."""
+    rng = np.random.default_rng(5)
+
+    def link(index: int) -> Link:
+        # Of masses of 1 kg at three points, so that it is the inertia of a real body.
+        points = rng.uniform(-0.3, 0.3, (3, 3))
+        tensor = np.trace(points @ points.T) * np.eye(3) - points @ points.T
+        (xx, xy, xz), (_, yy, yz), (_, _, zz) = tensor.tolist()
+        a, d, alpha = rng.uniform([-0.5, -0.5, -170.0], [0.5, 0.5, 170.0]).tolist()
+        return Link(
+            name=f"link {index}",
+            a_m=a,
+            alpha_deg=alpha,
+            d_m=d,
+            mass_kg=float(rng.uniform(0.5, 5.0)),
+            center_of_mass_m=rng.uniform(-0.3, 0.3, 3).tolist(),
+            inertia_kgm2=InertiaTensor(xx=xx, yy=yy, zz=zz, xy=xy, yz=yz, xz=xz),
+        )
+
+    links = LinksTable.model_validate(
+        {
+            "source": "made up",
+            "convention": convention,
+            "gravity_m_per_s2": 9.81,
+            "chain": [link(index) for index in range(5)],
+        }
+    )
+    moving = (0, 1, 3, 4)
+    return replace(
+        load_robot("puma560_akb"),
+        links=links,
+        moving=moving,
+        armature_kgm2=rng.uniform(0.1, 1.0, len(moving)),
+    )
+
+
+PUMAS: dict[str, Callable[[], Robot]] = {
+    "puma560": lambda: load_robot("puma560"),
+    "puma560, wrist locked": lambda: load_robot("puma560", lock_wrist=True),
+    "puma560_akb": lambda: load_robot("puma560_akb"),
+    "reference": lambda: load_robot("reference"),
+}
+ARMS = PUMAS | {
+    "made up, standard DH": lambda: _made_up("standard-dh"),
+    "made up, modified DH": lambda: _made_up("modified-dh"),
+}
+
+
+@pytest.fixture(params=ARMS)
+def robot(request: pytest.FixtureRequest) -> Robot:
+    return ARMS[request.param]()
+
+
+@pytest.fixture(params=PUMAS)
+def puma(request: pytest.FixtureRequest) -> Robot:
+    return PUMAS[request.param]()
+
+
+def test_inertia_and_bias_forces_are_those_of_mujoco(robot: Robot) -> None:
+    inertia, bias = _disagreement(robot, _mujoco_model(robot))
+    assert inertia < TOLERANCE
+    assert bias < TOLERANCE
+
+
+def _start(robot: Robot) -> Floats:
+    """A posture [rad] in which no joint is balanced."""
+    return np.linspace(0.3, 0.9, robot.joints)
+
+
+def _swing_in_mujoco(model: Any, start: Floats) -> Floats:
+    """Positions [rad] after a free swing from rest, by MuJoCo's Runge-Kutta of order four."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = start
+    for _ in range(round(SWING_S / SWING_STEP_S)):
+        mujoco.mj_step(model, data)
+    return np.array(data.qpos)
+
+
+def _swing_in_pinocchio(robot: Robot, start: Floats) -> Floats:
+    """The same from Pinocchio's accelerations, by SciPy's Runge-Kutta of order eight."""
+    model, n = build_model(robot), robot.joints
+    data, no_torque = model.createData(), np.zeros(n)
+
+    def rates(_: float, y: Floats) -> Floats:
+        return np.concatenate((y[n:], pin.aba(model, data, y[:n], y[n:], no_torque)))
+
+    at_rest = np.concatenate((start, np.zeros(n)))
+    solution = solve_ivp(rates, (0.0, SWING_S), at_rest, method="DOP853", rtol=1e-12, atol=1e-13)
+    positions: Floats = solution.y[:n, -1]
+    return positions
+
+
+def test_free_swing_is_that_of_mujoco(robot: Robot) -> None:
+    start = _start(robot)
+    theirs = _swing_in_mujoco(_mujoco_model(robot), start)
+    assert np.max(np.abs(theirs - start)) > 0.5, "the arm must swing to show anything"
+    ours = _swing_in_pinocchio(robot, start)
+    np.testing.assert_allclose(ours, theirs, rtol=0, atol=SWING_TOLERANCE_RAD)
+
+
+def _numbers(table: Any) -> Iterator[Keys]:
+    """Where the numbers other than 0 stand in a table of dictionaries and lists."""
+    for key, value in table.items() if isinstance(table, dict) else enumerate(table):
+        if isinstance(value, float) and value != 0.0:
+            yield (key,)
+        elif isinstance(value, dict | list) and key != "range_deg":  # what the joint may do
+            yield from ((key, *rest) for rest in _numbers(value))
+
+
+def _with_one_number_larger(robot: Robot) -> Iterator[tuple[Keys, Robot]]:
+    """Robots that differ from this one by 1 % of one number, and where that number stands."""
+    links = robot.links.model_dump()
+    for keys in _numbers(links):
+        changed = deepcopy(links)
+        table: Any = changed
+        for key in keys[:-1]:
+            table = table[key]
+        table[keys[-1]] *= 1.01
+        yield keys, replace(robot, links=LinksTable.model_validate(changed))
+    for joint in range(robot.joints):
+        armature = robot.armature_kgm2.copy()
+        armature[joint] *= 1.01
+        yield ("armature_kgm2", joint), replace(robot, armature_kgm2=armature)
+
+
+def _unnoticed(robot: Robot, difference: Callable[[Robot], float], tolerance: float) -> set[Keys]:
+    """The numbers of which 1 % changes too little for a comparison with that tolerance."""
+    changed = dict(_with_one_number_larger(robot))
+    assert len(changed) > 40, "all numbers of the links and motors"
+    return {keys for keys, other in changed.items() if difference(other) < NOTICED * tolerance}
+
+
+def test_one_per_cent_of_any_number_changes_inertia_or_bias_forces(puma: Robot) -> None:
+    theirs = _mujoco_model(puma)
+
+    def difference(changed: Robot) -> float:
+        return max(_disagreement(changed, theirs))
+
+    assert _unnoticed(puma, difference, TOLERANCE) <= WITHOUT_EFFECT
+
+
+def test_one_per_cent_of_any_number_changes_the_free_swing(puma: Robot) -> None:
+    start = _start(puma)
+    theirs = _swing_in_mujoco(_mujoco_model(puma), start)
+
+    def difference(changed: Robot) -> float:
+        return float(np.max(np.abs(_swing_in_pinocchio(changed, start) - theirs)))
+
+    assert _unnoticed(puma, difference, SWING_TOLERANCE_RAD) <= WITHOUT_EFFECT
