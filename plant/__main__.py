@@ -174,6 +174,9 @@ def _bench(arguments: argparse.Namespace, console: Console) -> int:
         "pinocchio, times real time": [row["pinocchio_times_real_time"] for row in figures],
         "compiled, times real time": [row["compiled_times_real_time"] for row in figures],
         "compiled in all threads": [row["together_times_real_time"] for row in figures],
+        "MuJoCo's bare steps, over compiled": [
+            row["compiled_times_mujoco"] or math.nan for row in figures
+        ],
         "compiled, times pinocchio": [row["compiled_times_pinocchio"] for row in figures],
         "the same by CPU time": [row["compiled_times_pinocchio_cpu"] for row in figures],
     }

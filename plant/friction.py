@@ -130,6 +130,10 @@ class FrictionStep(NamedTuple):
 class JointModel(Protocol):
     """The friction of one joint, in any kind of numbers."""
 
+    @property
+    def curve(self) -> StribeckCurve:
+        """Its level against the velocity."""
+
     def step(
         self,
         position_rad: Number,

@@ -10,13 +10,15 @@ from dataclasses import asdict, dataclass
 from statistics import median
 from typing import Any
 
+import numpy as np
+
 from codegen.controller import load
 from codegen.emit import REPOSITORY
 from plant.closed_loop import PlantError, beginning, build_plant, simulate
 from plant.compiled.loop import CompiledLoop
 from plant.controller import GeneratedController
 from plant.flight import DEFAULT_ROBOTS
-from plant.robot import load_robot
+from plant.robot import Robot, load_robot
 
 CONTROLLERS = ("puma3", "puma6")
 """Specifications of three and of six joints, each flown on the default robot."""
@@ -49,6 +51,8 @@ class Pace:
         simulated_s: duration of one run [s].
         pinocchio: a run in Python.
         compiled: a run in C.
+        mujoco: MuJoCo's bare stepping of the same arm at the same step and as long: no controller,
+            no encoder, Coulomb friction only; None where MuJoCo isn't installed.
         threads: that flew together in C.
         together: a run while they did, all runs' time over their number.
     """
@@ -60,12 +64,15 @@ class Pace:
     simulated_s: float
     pinocchio: Cost
     compiled: Cost
+    mujoco: Cost | None
     threads: int
     together: Cost
 
     def figures(self) -> dict[str, Any]:
         """Plain data: the attributes, and how they compare."""
+        bare = self.mujoco
         return asdict(self) | {
+            "compiled_times_mujoco": bare.wall_s / self.compiled.wall_s if bare else None,
             "pinocchio_times_real_time": self.simulated_s / self.pinocchio.wall_s,
             "compiled_times_real_time": self.simulated_s / self.compiled.wall_s,
             "together_times_real_time": self.simulated_s / self.together.wall_s,
@@ -92,8 +99,12 @@ def measure(name: str, substep_s: float = 1e-4, rounds: int = 5) -> Pace:
         raise PlantError(f"robot {robot.name} has no [trajectory]: add one to its file")
     motion, controller = robot.trajectory, GeneratedController(specification)
     loop, begin = CompiledLoop(plant, specification), beginning(plant, motion, tick)
-    pinocchio, compiled = [], []
+    ticks = len(begin.reference.time_s)
+    stepping = _mujoco_stepping(robot, substep_s, round(ticks * tick / substep_s))
+    pinocchio, compiled, bare = [], [], []
     for _ in range(rounds):
+        if stepping is not None:
+            bare.append(_cost(stepping))
         pinocchio.append(
             _cost(lambda: simulate(plant, controller, motion, tick, substep_s, progress=False))
         )
@@ -104,14 +115,37 @@ def measure(name: str, substep_s: float = 1e-4, rounds: int = 5) -> Pace:
         robot=robot.name,
         joints=plant.joints,
         substep_s=substep_s,
-        simulated_s=len(begin.reference.time_s) * tick,
+        simulated_s=ticks * tick,
         pinocchio=_median(pinocchio),
         compiled=_median(compiled),
+        mujoco=_median(bare) if bare else None,
         threads=threads,
         together=_together(
             lambda: loop.run(plant, loop.controller(), begin, tick, substep_s), threads
         ),
     )
+
+
+def _mujoco_stepping(robot: Robot, step_s: float, steps: int) -> Callable[[], object] | None:
+    """MuJoCo's own rollout of the arm from its start posture; None without MuJoCo.
+
+    Its model of friction is Coulomb's alone (frictionloss), at the level of the robot's file.
+    """
+    try:
+        from mujoco import MjData, mj_getState, mj_stateSize, mjtState, rollout
+
+        from plant.mujoco_arm import mujoco_model
+    except ImportError:
+        return None
+    assert robot.trajectory is not None
+    assert robot.friction is not None
+    level = np.array([joint.curve.coulomb_positive_Nm for joint in robot.friction.parameters])
+    model = mujoco_model(robot, step_s, level)
+    data = MjData(model)
+    data.qpos[:] = robot.trajectory.start_rad
+    state = np.empty(mj_stateSize(model, mjtState.mjSTATE_FULLPHYSICS))
+    mj_getState(model, data, state, mjtState.mjSTATE_FULLPHYSICS)
+    return lambda: rollout.rollout(model, [data], initial_state=state, nstep=steps)
 
 
 def _cost(call: Callable[[], object], runs: int = 1) -> Cost:

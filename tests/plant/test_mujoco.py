@@ -1,16 +1,10 @@
-"""Rigid-body dynamics against MuJoCo, which shares no code with Pinocchio.
-
-The MuJoCo model is built here from the numbers of the robot files, by a route of its own. Pinocchio
-has its frames at the joints, so plant/model.py moves the mass properties there. Here each body's
-frame is the link's own: mass properties enter as they are written, and it is the joint's axis that
-is expressed in the link's frame. A locked joint is a body without a joint.
-"""
+"""Rigid-body dynamics against MuJoCo, which shares no code with Pinocchio."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -21,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from plant.model import build_model
+from plant.mujoco_arm import mujoco_model
 from plant.robot import InertiaTensor, Link, LinksTable, Robot, load_robot
 
 Floats = NDArray[np.float64]
@@ -38,79 +33,9 @@ NOTICED = 10
 WITHOUT_EFFECT = {("chain", 0, "d_m")}
 
 
-@dataclass(frozen=True)
-class Placement:
-    """A link's frame in that of the link before, at q = 0, and its joint in the link's own frame.
-
-    Attributes:
-        position_m: the frame's origin in the frame before.
-        joint_axis: unit vector of the joint's axis in the link's frame.
-        joint_position_m: a point of the axis in the link's frame.
-    """
-
-    position_m: tuple[float, float, float]
-    joint_axis: tuple[float, float, float]
-    joint_position_m: tuple[float, float, float]
-
-
-def _placement(link: Link, convention: str) -> Placement:
-    """Craig's (modified) frame lies on its own joint's axis, the standard one on the next joint's.
-
-    Both are turned by alpha about x, which the frames before and after have in common.
-    """
-    a, d, alpha = link.a_m, link.d_m, np.deg2rad(link.alpha_deg)
-    sin, cos = float(np.sin(alpha)), float(np.cos(alpha))
-    if convention == "standard-dh":
-        return Placement((a, 0.0, d), (0.0, sin, cos), (-a, -d * sin, -d * cos))
-    return Placement((a, -d * sin, d * cos), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
-
-
-def _principal(t: InertiaTensor) -> tuple[Floats, Floats]:
-    """Principal moments [kg m^2] and the unit quaternion (w, x, y, z) of their axes."""
-    moments, axes = np.linalg.eigh([[t.xx, t.xy, t.xz], [t.xy, t.yy, t.yz], [t.xz, t.yz, t.zz]])
-    quaternion = np.zeros(4)
-    # A rotation, not a reflection: eigenvectors may form a left-handed triple.
-    mujoco.mju_mat2Quat(quaternion, (axes * np.linalg.det(axes)).ravel())
-    return moments, quaternion
-
-
-def _mujoco_model(robot: Robot) -> Any:
-    """The arm in MuJoCo: hinges and armature only, no geometry, so no contacts; no friction."""
-    spec = mujoco.MjSpec()
-    spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
-    spec.option.gravity = [0.0, 0.0, -robot.links.gravity_m_per_s2]
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
-    spec.option.timestep = SWING_STEP_S
-    armature = dict(zip(robot.moving, robot.armature_kgm2, strict=True))
-    principal = [_principal(link.inertia_kgm2) for link in robot.links.chain]
-    body = spec.worldbody
-    for index, (link, (_, axes)) in enumerate(zip(robot.links.chain, principal, strict=True)):
-        placement = _placement(link, robot.links.convention)
-        half = np.deg2rad(link.alpha_deg) / 2
-        body = body.add_body(
-            name=f"link_{index + 1}",
-            pos=placement.position_m,
-            quat=[np.cos(half), np.sin(half), 0.0, 0.0],
-            explicitinertial=True,
-            mass=1.0,
-            inertia=[1.0, 1.0, 1.0],
-            ipos=link.center_of_mass_m,
-            iquat=axes,
-        )
-        if index in armature:
-            body.add_joint(
-                type=mujoco.mjtJoint.mjJNT_HINGE,
-                axis=placement.joint_axis,
-                pos=placement.joint_position_m,
-                armature=armature[index],
-            )
-    model = spec.compile()
-    # MuJoCo's compiler refuses the published waist, which has an inertia about one axis and no
-    # mass: no body is like that. What it has compiled may be given such numbers.
-    model.body_mass[1:] = [link.mass_kg for link in robot.links.chain]
-    model.body_inertia[1:] = [moments for moments, _ in principal]
-    mujoco.mj_setConst(model, mujoco.MjData(model))
-    return model
+def _model(robot: Robot) -> Any:
+    """Without friction, for a swing."""
+    return mujoco_model(robot, SWING_STEP_S, fourth_order=True)
 
 
 def _mujoco_terms(model: Any, q: Floats, qd: Floats) -> tuple[Floats, Floats]:
@@ -208,7 +133,7 @@ def puma(request: pytest.FixtureRequest) -> Robot:
 
 
 def test_inertia_and_bias_forces_are_those_of_mujoco(robot: Robot) -> None:
-    inertia, bias = _disagreement(robot, _mujoco_model(robot))
+    inertia, bias = _disagreement(robot, _model(robot))
     assert inertia < TOLERANCE
     assert bias < TOLERANCE
 
@@ -243,7 +168,7 @@ def _swing_in_pinocchio(robot: Robot, start: Floats) -> Floats:
 
 def test_free_swing_is_that_of_mujoco(robot: Robot) -> None:
     start = _start(robot)
-    theirs = _swing_in_mujoco(_mujoco_model(robot), start)
+    theirs = _swing_in_mujoco(_model(robot), start)
     assert np.max(np.abs(theirs - start)) > 0.5, "the arm must swing to show anything"
     ours = _swing_in_pinocchio(robot, start)
     np.testing.assert_allclose(ours, theirs, rtol=0, atol=SWING_TOLERANCE_RAD)
@@ -282,7 +207,7 @@ def _unnoticed(robot: Robot, difference: Callable[[Robot], float], tolerance: fl
 
 
 def test_one_per_cent_of_any_number_changes_inertia_or_bias_forces(puma: Robot) -> None:
-    theirs = _mujoco_model(puma)
+    theirs = _model(puma)
 
     def difference(changed: Robot) -> float:
         return max(_disagreement(changed, theirs))
@@ -292,7 +217,7 @@ def test_one_per_cent_of_any_number_changes_inertia_or_bias_forces(puma: Robot) 
 
 def test_one_per_cent_of_any_number_changes_the_free_swing(puma: Robot) -> None:
     start = _start(puma)
-    theirs = _swing_in_mujoco(_mujoco_model(puma), start)
+    theirs = _swing_in_mujoco(_model(puma), start)
 
     def difference(changed: Robot) -> float:
         return float(np.max(np.abs(_swing_in_pinocchio(changed, start) - theirs)))
