@@ -246,23 +246,24 @@ def _interrupted(folder: Folder) -> int:
 
 
 def _campaign_table(title: str, summary: Sequence[dict[str, Any]]) -> Table:
-    """Counts by gain set, and the error of the worst joint over the runs that did not diverge."""
-    columns = {
+    """By gain set: counts, and figures of the worst joint over the runs that did not diverge."""
+    rows = {
         "runs": "runs",
         "diverged": "diverged",
-        "with saturation": "runs_with_saturation",
-        "median RMS [deg]": "median_rms_error_deg",
-        "95 % below": "95_percent_rms_error_deg",
-        "largest": "largest_rms_error_deg",
-        "largest peak [deg]": "largest_peak_error_deg",
+        "reached a torque limit": "runs_with_saturation",
+        "RMS error [deg], median": "median_rms_error_deg",
+        "RMS error [deg], 95 % below": "95_percent_rms_error_deg",
+        "RMS error [deg], largest": "largest_rms_error_deg",
+        "peak error [deg], largest": "largest_peak_error_deg",
+        "RMS torque step [N m], median": "median_rms_torque_step_Nm",
     }
     table = Table(title=escape(title), title_justify="left")
-    table.add_column("gains")
-    for name in columns:
-        table.add_column(escape(name), justify="right")
-    for row in summary:
-        numbers = (row.get(key) for key in columns.values())
-        table.add_row(row["gain_set"], *("-" if x is None else f"{x:.5g}" for x in numbers))
+    table.add_column("")
+    for of_gains in summary:
+        table.add_column(of_gains["gain_set"], justify="right")
+    for name, key in rows.items():
+        numbers = (of_gains.get(key) for of_gains in summary)
+        table.add_row(escape(name), *("-" if x is None else f"{x:.4g}" for x in numbers))
     return table
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+import warnings
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import joblib
 from rich.console import Console
@@ -80,9 +81,21 @@ def fly_missing(
         # A task is a whole batch: joblib need not make larger ones.
         parallel = joblib.Parallel(jobs, return_as="generator_unordered", batch_size=1)
         tasks = (joblib.delayed(_fly)(campaign, plants) for plants in batches)
-        for plants, rows in parallel(tasks):
-            folder.add(plants, rows)
-            advance(len(rows))
+        finished = parallel(tasks)
+        try:
+            for plants, rows in finished:
+                folder.add(plants, rows)
+                advance(len(rows))
+        finally:
+            _close(finished)
+
+
+def _close(finished: Generator[Any, None, None]) -> None:
+    """Stops what is still being flown, if anything is."""
+    with warnings.catch_warnings():
+        # joblib regrets the batches that nobody will take.
+        warnings.simplefilter("ignore", UserWarning)
+        finished.close()
 
 
 def _fly(campaign: Campaign, plants: range) -> tuple[range, list[Row]]:
