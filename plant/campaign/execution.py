@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-import os
+import logging
+import signal
 import sys
+import threading
 import warnings
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
@@ -50,7 +52,7 @@ class Workers:
     @property
     def count(self) -> int:
         """How many fly at once."""
-        return self.jobs or os.cpu_count() or 1
+        return self.jobs or int(joblib.cpu_count())
 
 
 def fly_missing(
@@ -133,17 +135,31 @@ def _dask(workers: Workers) -> Iterator[None]:
         with client:
             yield
         return
-    with (
-        LocalCluster(
+    with _interrupts_ignored():
+        cluster = LocalCluster(
             n_workers=workers.count,
             threads_per_worker=1,
             processes=True,
             host="127.0.0.1",
             dashboard_address=None,
-        ) as cluster,
-        Client(cluster),
-    ):
+            # Batches that are given up at the end are no news.
+            silence_logs=logging.ERROR,
+        )
+    with cluster, Client(cluster):
         yield
+
+
+@contextmanager
+def _interrupts_ignored() -> Iterator[None]:
+    """Processes that are started meanwhile leave Ctrl-C to this one, which then ends them."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @contextmanager

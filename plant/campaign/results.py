@@ -170,13 +170,21 @@ def open_folder(path: Path, campaign: Campaign) -> Folder:
     path.mkdir(parents=True, exist_ok=True)
     told, now = path / "campaign.json", description(campaign)
     if told.exists():
-        _check_same(path, json.loads(told.read_text(encoding="utf-8")), now)
-    elif any(path.iterdir()):
+        _check_same(path, _told(told), now)
+    elif any(not found.name.startswith(".") for found in path.iterdir()):
         raise CampaignError(f"{path} is not empty and holds no campaign: name another --output")
     else:
         text = json.dumps(now, indent=2) + "\n"
         _write(told, lambda file: file.write_text(text, encoding="utf-8"))
     return Folder(path, campaign)
+
+
+def _told(path: Path) -> dict[str, Any]:
+    try:
+        told: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise CampaignError(f"{path} is damaged: remove its folder and start again") from error
+    return told
 
 
 def _check_same(path: Path, before: dict[str, Any], now: dict[str, Any]) -> None:
