@@ -14,11 +14,11 @@ from __future__ import annotations
 import json
 import os
 import re
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 import pyarrow as pa
@@ -216,9 +216,8 @@ def _differences(before: dict[str, Any], now: dict[str, Any], prefix: str = "") 
 
 def _write(target: Path, write: Callable[[Path], object]) -> None:
     """Writes a file whole or not at all."""
-    handle, name = tempfile.mkstemp(prefix=".", suffix=".unfinished", dir=target.parent)
-    os.close(handle)
-    fresh = Path(name)
+    # A name of its own: two campaigns may write the same batch at the same time.
+    fresh = target.with_name(f".{target.name}.{uuid4().hex}.unfinished")
     try:
         write(fresh)
         with fresh.open("rb") as file:

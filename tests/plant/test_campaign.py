@@ -179,6 +179,12 @@ def test_rows_have_units_and_hashes(campaign: Campaign, whole: Path) -> None:
     assert 0.0 < table["joint3_rms_error_deg"].to_numpy().max() < 0.2
 
 
+def test_files_can_be_read_by_whoever_may_read_the_folder(whole: Path, tmp_path: Path) -> None:
+    plain = tmp_path / "plain"
+    plain.touch()
+    assert {path.stat().st_mode for path in whole.iterdir()} == {plain.stat().st_mode}
+
+
 def test_an_interrupted_campaign_goes_on_and_ends_with_the_same_bits(
     spec: Path,
     whole: Path,
