@@ -120,8 +120,7 @@ class Folder:
         """
         table = pa.concat_tables([self._read(path) for path, _ in self._batches()])
         table = table.filter(pc.less(table["plant"], self.campaign.specification.plants.count))
-        # Neighbours of a batch that was flown twice, by two campaigns at once, are equal.
-        table = _in_order(table, list(self.campaign.gain_sets))
+        table = _once(table)
         if len(table) != self.campaign.runs:
             raise CampaignError(
                 f"{self.path} has {len(table)} of {self.campaign.runs} runs: remove its "
@@ -133,8 +132,10 @@ class Folder:
         return table
 
     def _batches(self) -> list[tuple[Path, range]]:
-        found = [(path, _BATCH.fullmatch(path.name)) for path in sorted(self.path.iterdir())]
-        return [(p, range(int(m[1]), int(m[2]) + 1)) for p, m in found if m]
+        """Files and plants, in the order of the plants."""
+        found = [(path, _BATCH.fullmatch(path.name)) for path in self.path.iterdir()]
+        batches = [(path, range(int(m[1]), int(m[2]) + 1)) for path, m in found if m]
+        return sorted(batches, key=lambda batch: (batch[1].start, batch[1].stop))
 
     def _read(self, path: Path) -> pa.Table:
         try:
@@ -146,17 +147,11 @@ class Folder:
         return table
 
 
-def _in_order(table: pa.Table, gain_sets: list[str]) -> pa.Table:
-    """One row of each run, ordered by plant, seed and gain set."""
-    order = {name: k for k, name in enumerate(gain_sets)}
-    keys = zip(
-        table["plant"].to_pylist(),
-        table["seed"].to_pylist(),
-        (order[name] for name in table["gain_set"].to_pylist()),
-        strict=True,
-    )
+def _once(table: pa.Table) -> pa.Table:
+    """One row of each run: two campaigns at once may fly a plant twice, with the same figures."""
+    keys = zip(*(table[name].to_pylist() for name in ("plant", "seed", "gain_set")), strict=True)
     rows = {key: row for row, key in enumerate(keys)}
-    return table.take([rows[key] for key in sorted(rows)]).combine_chunks()
+    return table.take(list(rows.values())).combine_chunks()
 
 
 def open_folder(path: Path, campaign: Campaign) -> Folder:

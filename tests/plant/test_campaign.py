@@ -272,6 +272,17 @@ def test_more_plants_go_on_where_fewer_ended(whole: Path, spec: Path, tmp_path: 
     ]
 
 
+def test_plants_that_were_flown_twice_are_told_once(
+    campaign: Campaign, whole: Path, tmp_path: Path
+) -> None:
+    folder = open_folder(tmp_path, campaign)
+    for batch in (range(2, 6), range(3, 5), range(0, 4)):
+        folder.add(batch, fly_plants(campaign, batch))
+    assert folder.missing(4) == []
+    folder.finish()
+    assert _results(tmp_path) == _results(whole)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
