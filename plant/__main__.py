@@ -8,7 +8,7 @@ import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,10 @@ from rich.table import Table
 
 from codegen.problems import SpecificationError
 from codegen.source import GenerationError
+from plant.campaign.execution import Pool, Workers, fly_missing
+from plant.campaign.results import Folder, open_folder, summarise
+from plant.campaign.runs import CampaignError, prepare
+from plant.campaign.specification import read
 from plant.closed_loop import ControllerError, PlantError
 from plant.controller import LayoutError
 from plant.flight import Backend, fly
@@ -211,6 +215,92 @@ def _add_bench(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.set_defaults(run=_bench)
 
 
+def _campaign(arguments: argparse.Namespace, console: Console) -> int:
+    if arguments.scheduler is not None and arguments.backend != "dask":
+        raise UsageError("--scheduler: is for --backend dask")
+    path: Path = arguments.specification
+    campaign = prepare(read(path), path.parent)
+    output = arguments.output or BUILD / "plant" / "campaigns" / path.stem
+    folder = open_folder(output, campaign)
+    workers = Workers(arguments.backend, arguments.jobs, arguments.scheduler)
+    try:
+        fly_missing(folder, workers, arguments.batch)
+    except KeyboardInterrupt:
+        return _interrupted(folder)
+    table = folder.finish()
+    summary = summarise(table)
+    if arguments.json:
+        print(json.dumps({"folder": str(output), "runs": len(table), "gain_sets": summary}))
+        return 0
+    console.print(_campaign_table(f"{campaign.shipped.name}: {len(table)} runs", summary))
+    console.print(f"one row a run: {output / 'results.parquet'}", soft_wrap=True)
+    return 0
+
+
+def _interrupted(folder: Folder) -> int:
+    """Says what is finished and how to go on."""
+    finished, count = len(folder.finished()), folder.campaign.specification.plants.count
+    print(
+        f"\nInterrupted: {finished} of {count} plants are finished and kept in {folder.path}; "
+        "the same command goes on with the others.",
+        file=sys.stderr,
+    )
+    return 130
+
+
+def _campaign_table(title: str, summary: Sequence[dict[str, Any]]) -> Table:
+    """By gain set: counts, and figures of the worst joint over the runs that did not diverge."""
+    rows = {
+        "runs": "runs",
+        "diverged": "diverged",
+        "reached a torque limit": "runs_with_saturation",
+        "RMS error [deg], median": "median_rms_error_deg",
+        "RMS error [deg], 95 % below": "95_percent_rms_error_deg",
+        "RMS error [deg], largest": "largest_rms_error_deg",
+        "peak error [deg], largest": "largest_peak_error_deg",
+        "RMS torque step [N m], median": "median_rms_torque_step_Nm",
+    }
+    table = Table(title=escape(title), title_justify="left")
+    table.add_column("")
+    for of_gains in summary:
+        table.add_column(of_gains["gain_set"], justify="right")
+    for name, key in rows.items():
+        numbers = (of_gains.get(key) for of_gains in summary)
+        table.add_row(escape(name), *("-" if x is None else f"{x:.4g}" for x in numbers))
+    return table
+
+
+def _add_campaign(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    parser = commands.add_parser(
+        "campaign",
+        help="fly thousands of random plants, gain sets and seeds",
+        description="Flies each random plant of a campaign with each gain set and each seed, and "
+        "writes one row of figures a run to results.parquet. Finished batches are kept: after an "
+        "interruption, or with more plants, the same command goes on. A folder that holds runs of "
+        "another specification or other C is refused.",
+        epilog="example: python -m plant campaign plant/campaigns/random_plants.toml",
+    )
+    parser.add_argument("specification", type=Path, help="a campaign, plant/campaigns/NAME.toml")
+    parser.add_argument(
+        "--output", type=Path, help="folder of the results, build/plant/campaigns/NAME by default"
+    )
+    parser.add_argument(
+        "--backend",
+        choices=get_args(Pool),
+        default="loky",
+        help="processes (loky, the default), threads, or a Dask cluster",
+    )
+    parser.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="of Dask, such as tcp://10.0.0.1:8786; without it worker processes of this machine",
+    )
+    parser.add_argument("--jobs", type=_count, help="runs at once, one a processor by default")
+    parser.add_argument("--batch", type=_count, help="plants a batch, about 64 runs by default")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.set_defaults(run=_campaign)
+
+
 def _count(text: str) -> int:
     """An integer greater than 0, for argparse."""
     number = int(text)
@@ -289,6 +379,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True)
     _add_simulate(commands)
     _add_bench(commands)
+    _add_campaign(commands)
     _add_dynamics(commands)
     _add_robots(commands)
     return parser
@@ -308,6 +399,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         CompilerError,
         LayoutError,
         ControllerError,
+        CampaignError,
     ) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

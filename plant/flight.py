@@ -96,11 +96,11 @@ def fly(
     """
     shipped = load(path)
     tuned = load(path, experiment=experiment)
-    body = load_robot(robot if robot is not None else _default_robot(shipped), friction=friction)
+    body = load_robot(robot if robot is not None else default_robot(shipped), friction=friction)
     plant = build_plant(body)
     if body.trajectory is None:
         raise PlantError(f"robot {body.name} has no [trajectory]: add one to its file")
-    _check_encoders(shipped, body)
+    check_encoders(shipped, body)
     controller = GeneratedController(shipped)
     controller.set_gains(tuned)
     run = BACKENDS[backend](
@@ -114,15 +114,24 @@ def fly(
     return Flight(tuned, experiment, body, run)
 
 
-def _default_robot(controller: Controller) -> str:
+def default_robot(controller: Controller) -> str:
+    """The name of the robot for a controller's number of joints.
+
+    Raises:
+        PlantError: there is none.
+    """
     joints = len(controller.joints)
     if joints not in DEFAULT_ROBOTS:
         raise PlantError(f"no robot is the default for {joints} joints: name one with --robot")
     return DEFAULT_ROBOTS[joints]
 
 
-def _check_encoders(controller: Controller, robot: Robot) -> None:
-    """A controller that reads counts in another unit than the encoder's isn't worth flying."""
+def check_encoders(controller: Controller, robot: Robot) -> None:
+    """A controller that reads counts in another unit than the encoder's isn't worth flying.
+
+    Raises:
+        PlantError: the numbers of joints or the encoders differ, or the robot has none.
+    """
     if robot.encoder is None:
         raise PlantError(f"robot {robot.name} has no [encoder]: add one to its file")
     if robot.joints != len(controller.joints):
