@@ -88,11 +88,13 @@ chain: setup
 	@tools/system_tools.sh test firmware
 	@$(run) -m verification chain
 
-## Count instructions, flash and stack of one step against CasADi's C, on each processor
+## Count a step's instructions, flash and stack on each processor; measure the plants' pace
 .PHONY: bench
 bench: setup
 	@tools/system_tools.sh test firmware
 	@$(run) -m verification.bench
+	@$(run) -m plant bench
+	@$(run) -m plant bench
 
 ## Run the tests; narrow them with PYTEST_ARGS="-k WORD"
 .PHONY: test
