@@ -94,7 +94,6 @@ bench: setup
 	@tools/system_tools.sh test firmware
 	@$(run) -m verification.bench
 	@$(run) -m plant bench
-	@$(run) -m plant bench
 
 ## Run the tests; narrow them with PYTEST_ARGS="-k WORD"
 .PHONY: test
