@@ -78,7 +78,7 @@ def generate(controller: Controller) -> GeneratedFiles:
     return GeneratedFiles(controller.name, files)
 
 
-def fixed_parts(controller: Controller) -> dict[str, Any]:
+def untunable(controller: Controller) -> dict[str, Any]:
     """What of a specification its configuration can't change: all but gains and limits."""
     return {
         "name": controller.name,
@@ -92,9 +92,9 @@ def fixed_parts(controller: Controller) -> dict[str, Any]:
 def identity(controller: Controller) -> int:
     """What a configuration must have been made for; a hash of 32 bits.
 
-    That is `fixed_parts`, and the units of integers, which follow from the gains.
+    That is `untunable`, and the units of integers, which follow from the gains.
     """
-    parts = fixed_parts(controller)
+    parts = untunable(controller)
     if controller.arithmetic.kind == "fixed-point":
         parts["formats"] = asdict(formats(controller))
     return int(_sha256(_json(parts))[:8], 16)

@@ -87,7 +87,7 @@ class PreciseTables:
 
 @functools.cache
 def precise_tables() -> PreciseTables:
-    """The tables for the C, the same on every platform: only integers decide."""
+    """The tables for the C, the same on every platform: mpmath rounds alike everywhere."""
     precision = mp.prec
     mp.prec = _PRECISION_BITS
     try:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.controller import Controller
-from codegen.emit import fixed_parts, identity
+from codegen.emit import identity, untunable
 from codegen.floating_point import FieldValue
 from codegen.layout import joint_config_values, layout
 from codegen.structs import Scalar, Struct
@@ -163,7 +163,7 @@ class GeneratedController:
         Raises:
             LayoutError: that specification differs in more than gains.
         """
-        if fixed_parts(controller) != fixed_parts(self.specification):
+        if untunable(controller) != untunable(self.specification):
             raise LayoutError("only gains and exponents can be tuned without new C")
         for i, joint in enumerate(controller.joints):
             for name, value in joint_config_values(self.specification, joint).items():

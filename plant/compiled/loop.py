@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from codegen.controller import Controller
-from codegen.emit import fixed_parts
+from codegen.emit import untunable
 from codegen.rendering import environment
 from plant.closed_loop import (
     Beginning,
@@ -213,7 +213,7 @@ class CompiledLoop:
         """
         if structure_of(plant) != self._structure:
             raise PlantError(f"{plant.name} has another structure than the compiled plant")
-        if fixed_parts(controller.specification) != fixed_parts(self.specification):
+        if untunable(controller.specification) != untunable(self.specification):
             raise LayoutError(
                 f"the loop was compiled for another controller than {controller.specification.name}"
             )
