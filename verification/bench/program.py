@@ -257,11 +257,9 @@ def _gcc(board: Board, prepared: Prepared) -> list[str]:
 def _link(
     board: Board, prepared: Prepared, objects: Sequence[Path], target: Path, entry: str
 ) -> Path:
-    # The linker chooses a library by the architecture's name, and the libraries' has no zicsr.
-    command = [word.replace("_zicsr", "") for word in _gcc(board, prepared)]
     run(
         [
-            *command,
+            *_gcc(board, prepared),
             *("-nostartfiles", "-static", "-Wl,--gc-sections", f"-Wl,-e,{entry}"),
             *(f"-L{board.folder}", "-T", str(STUB / "cores" / "sections.ld")),
             f"-Wl,--defsym=STACK_BYTES={_STACK_BYTES}",
