@@ -18,11 +18,12 @@ from rich.table import Table
 
 from codegen.problems import SpecificationError
 from codegen.source import GenerationError
+from plant.assembly import PlantError
 from plant.campaign.execution import Pool, Workers, fly_missing
 from plant.campaign.results import Folder, open_folder, summarise
 from plant.campaign.runs import CampaignError, prepare
 from plant.campaign.specification import read
-from plant.closed_loop import ControllerError, PlantError
+from plant.closed_loop import ControllerError
 from plant.controller import LayoutError
 from plant.flight import Backend, fly
 from plant.model import build_model, dynamics

@@ -2,31 +2,32 @@
 
 At tick k (time k L) the encoders are read and the controller is called once; its torque acts over
 [k L, (k + 1) L), or from ``delay`` L later on. Between, the equation of motion is integrated by
-semi-implicit Euler steps with friction linearly implicit (see :mod:`plant.friction`).
+semi-implicit Euler steps with friction linearly implicit (see :mod:`plant.integrator`). What else
+happens - faults, disturbances, other masses - stands in the run's script.
 """
 
 from __future__ import annotations
 
-import math
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 
-from plant.drive import Drive
-from plant.encoder import Encoder
-from plant.friction import FrictionModel
-from plant.model import build_model, gravity_torque
-from plant.robot import Robot
+from plant.assembly import Floats, Plant, PlantError, PlantState, at_rest
+from plant.integrator import Integrator
+from plant.script import Counters, Script, uneventful
 from plant.trajectory import Reference, RestToRest
 
-Floats = NDArray[np.float64]
+NOT_CALLED = 1 << 16
+"""Stands for the status of a tick at which the controller is not called."""
+
+Events = Callable[[Plant, int], Script]
+"""What happens to a plant in so many ticks."""
 
 
 class ControllerOutput(NamedTuple):
@@ -92,113 +93,6 @@ class ControllerError(Exception):
         super().__init__(f"the controller reported status {status} {when}")
 
 
-class PlantError(ValueError):
-    """A plant that cannot run; the message says why."""
-
-
-@dataclass(frozen=True, eq=False)
-class Plant:
-    """Everything between a torque command and an encoder count.
-
-    Attributes:
-        name: of the robot.
-        model: Pinocchio model with ``armature`` set; never changed here.
-        friction: of the joints.
-        drive: of the joints.
-        encoder: of the joints.
-    """
-
-    name: str
-    model: pin.Model
-    friction: FrictionModel
-    drive: Drive
-    encoder: Encoder
-
-    @property
-    def joints(self) -> int:
-        """Number of joints."""
-        return int(self.model.nv)
-
-
-def build_plant(robot: Robot) -> Plant:
-    """The plant of a robot.
-
-    Raises:
-        PlantError: the robot's file lacks a part.
-    """
-    if robot.friction is None or robot.drive is None or robot.encoder is None:
-        missing = [p for p in ("friction", "drive", "encoder") if getattr(robot, p) is None]
-        raise PlantError(f"robot {robot.name} has no {', '.join(missing)}: it cannot be simulated")
-    return Plant(robot.name, build_model(robot), robot.friction, robot.drive, robot.encoder)
-
-
-@dataclass(frozen=True, eq=False)
-class PlantState:
-    """The state of a plant with n joints.
-
-    Attributes:
-        q: joint positions [rad], shape (n,).
-        qd: joint velocities [rad/s], shape (n,).
-        friction: internal state of the friction, n entries.
-    """
-
-    q: Floats
-    qd: Floats
-    friction: list[float]
-
-
-class Integrator:
-    """Integrates the equation of motion of one plant; owns the working memory for it."""
-
-    def __init__(self, plant: Plant) -> None:
-        self._friction = plant.friction
-        # A copy, because the friction's derivative is added to its armature for each step.
-        self._model = pin.Model(plant.model)
-        self._data = self._model.createData()
-        self._armature = plant.model.armature.copy()
-
-    def advance(
-        self, state: PlantState, torque_Nm: Floats, duration_s: float, substep_s: float
-    ) -> tuple[PlantState, Floats]:
-        """The state after holding a torque for some time.
-
-        Each of the equal substeps of h <= ``substep_s`` solves
-        (M + h D) qdd = torque - nle - F by the articulated-body algorithm: h D is diagonal and
-        adds to the armature.
-
-        Args:
-            state: at the beginning; left as it is.
-            torque_Nm: at the joints, shape (n,).
-            duration_s: >= 0.
-            substep_s: longest substep > 0.
-
-        Returns:
-            The state at the end, and the friction torque [N m] of the first substep, shape (n,).
-        """
-        steps = substeps(duration_s, substep_s)
-        q, qd, friction = state.q.copy(), state.qd.copy(), state.friction
-        first = np.zeros_like(q)
-        if steps == 0:
-            return PlantState(q, qd, friction), first
-        h = duration_s / steps
-        model, data, step, aba = self._model, self._data, self._friction.step, pin.aba
-        for k in range(steps):
-            friction, force, derivative = step(q.tolist(), qd.tolist(), friction, h)
-            implicit = h * np.array(derivative)
-            model.armature = self._armature + implicit
-            qdd = aba(model, data, q, qd, torque_Nm - force)
-            if k == 0:
-                first = force + implicit * qdd
-            qd += h * qdd
-            q += h * qd
-        return PlantState(q, qd, friction), first
-
-
-def substeps(duration_s: float, substep_s: float) -> int:
-    """The least number of equal steps of at most ``substep_s``; rounding errors don't add one."""
-    return math.ceil(duration_s / substep_s * (1.0 - 1e-9))
-
-
 @dataclass(frozen=True, eq=False)
 class Run:
     """What happened; row k of each array belongs to tick k at time k L.
@@ -208,15 +102,16 @@ class Run:
         time_s: shape (ticks,).
         q: true joint positions [rad], shape (ticks, n); likewise all others.
         qd: true joint velocities [rad/s].
+        q_motor: the motors' positions as joint angles [rad]; q itself where joints are rigid.
         q_ref: reference positions [rad].
         qd_ref: reference velocities [rad/s].
         qdd_ref: reference accelerations [rad/s^2].
         counts: encoder counts.
         q_encoder: joint positions by the encoder counts [rad].
-        torque_commanded_Nm: the controller's answer.
+        torque_commanded_Nm: the controller's answer; 0 where it was not called.
         torque_applied_Nm: mean over the tick of what the drives applied.
         friction_Nm: friction torque at the beginning of the tick, opposing motion.
-        status: the controller's status, shape (ticks,).
+        status: the controller's status, shape (ticks,); ``NOT_CALLED`` where it was not called.
         end: the state of the plant after the last tick.
     """
 
@@ -224,6 +119,7 @@ class Run:
     time_s: Floats
     q: Floats
     qd: Floats
+    q_motor: Floats
     q_ref: Floats
     qd_ref: Floats
     qdd_ref: Floats
@@ -264,8 +160,9 @@ def simulate(
     controller: Controller,
     trajectory: RestToRest,
     sample_time_s: float,
-    substep_s: float = 1e-4,
+    substep_s: float | None = None,
     progress: bool | None = None,
+    events: Events = uneventful,
 ) -> Run:
     """Runs a controller on a plant along a trajectory.
 
@@ -273,41 +170,42 @@ def simulate(
     with the bristles of its friction undeflected.
 
     Args:
-        plant: from :func:`build_plant`.
+        plant: from :func:`plant.assembly.build_plant`.
         controller: is reset first.
         trajectory: the reference motion; the run is as long as it.
         sample_time_s: L.
-        substep_s: longest step of the integrator.
+        substep_s: longest step of the integrator; the plant's own by default.
         progress: shows a progress bar; by default on a terminal only.
+        events: what happens beside, such as :meth:`plant.scenario.Scenario.on`.
 
     Raises:
         ControllerError: the controller reported an error.
         PlantError: the numbers of joints differ, the drives cannot hold the start posture, or the
             motion became non-finite.
     """
-    begin = beginning(plant, trajectory, sample_time_s)
-    status = controller.reset(plant.encoder.counts(begin.state.q), begin.torque_Nm)
-    if status < 0:
-        raise ControllerError(-1, status)
+    begin = beginning(plant, trajectory, sample_time_s, events)
+    switch_on(plant, controller, begin)
     return run_from(plant, controller, begin, sample_time_s, substep_s, progress)
 
 
 @dataclass(frozen=True, eq=False)
 class Beginning:
-    """How a run begins.
+    """How a run begins, and what it goes through.
 
     Attributes:
         reference: of the whole run.
         state: of the plant.
-        torque_Nm: that the drives apply, shape (n,).
+        script: of the whole run.
     """
 
     reference: Reference
     state: PlantState
-    torque_Nm: Floats
+    script: Script
 
 
-def beginning(plant: Plant, trajectory: RestToRest, sample_time_s: float) -> Beginning:
+def beginning(
+    plant: Plant, trajectory: RestToRest, sample_time_s: float, events: Events = uneventful
+) -> Beginning:
     """At rest at the trajectory's first posture, held against gravity, bristles undeflected.
 
     Raises:
@@ -319,12 +217,20 @@ def beginning(plant: Plant, trajectory: RestToRest, sample_time_s: float) -> Beg
             f"{plant.name} has {plant.joints} joints, "
             f"the trajectory {reference.position_rad.shape[1]}"
         )
-    start = trajectory.start_rad
-    held = gravity_torque(plant.model, start)
-    if np.any(np.abs(held) > plant.drive.torque_limit_Nm):
-        raise PlantError(f"the drives of {plant.name} cannot hold its start posture")
-    state = PlantState(start.copy(), np.zeros(plant.joints), plant.friction.at_rest())
-    return Beginning(reference, state, held)
+    state = at_rest(plant, trajectory.start_rad)
+    return Beginning(reference, state, events(plant, len(reference.time_s)))
+
+
+def switch_on(plant: Plant, controller: Controller, begin: Beginning) -> None:
+    """Resets the controller at the beginning of a run.
+
+    Raises:
+        ControllerError: the controller reported an error.
+    """
+    counts = Counters(plant, begin.script, begin.state).first
+    status = controller.reset(counts, begin.state.command_Nm)
+    if status < 0:
+        raise ControllerError(-1, status)
 
 
 def run_from(
@@ -332,52 +238,56 @@ def run_from(
     controller: Controller,
     begin: Beginning,
     sample_time_s: float,
-    substep_s: float = 1e-4,
+    substep_s: float | None = None,
     progress: bool | None = None,
 ) -> Run:
     """Runs a controller that is already switched on, from any state of the plant.
 
     Args:
-        plant: from :func:`build_plant`.
+        plant: from :func:`plant.assembly.build_plant`.
         controller: goes on from its own state.
-        begin: the first state, and the reference; the run is as long as it.
+        begin: the first state, the reference and the script; the run is as long as they are.
         sample_time_s: L.
-        substep_s: longest step of the integrator.
+        substep_s: longest step of the integrator; the plant's own by default.
         progress: shows a progress bar; by default on a terminal only.
 
     Raises:
         ControllerError: the controller reported an error.
         PlantError: the motion became non-finite.
     """
-    reference, state, torque_Nm = begin.reference, begin.state, begin.torque_Nm
-    encoder, drive, integrator = plant.encoder, plant.drive, Integrator(plant)
+    reference, state, script = begin.reference, begin.state, begin.script
+    substep = plant.substep_s if substep_s is None else substep_s
+    integrators = [Integrator(plant, model) for model in script.models]
+    counters = Counters(plant, script, state)
     shape = reference.position_rad.shape
-    q, qd, applied, friction = (np.empty(shape) for _ in range(4))
+    q, qd, q_motor, applied, friction = (np.empty(shape) for _ in range(5))
     counts = np.empty(shape, dtype=np.int32)
-    commanded: list[NDArray[np.floating[Any]]] = []
-    statuses = np.empty(shape[0], dtype=np.int64)
-    by_counter = reference.position_rad + encoder.zero_rad
-    before, after = drive.delay * sample_time_s, (1.0 - drive.delay) * sample_time_s
+    commanded: dict[int, NDArray[np.floating[Any]]] = {}
+    statuses = np.full(shape[0], NOT_CALLED, dtype=np.int64)
+    by_counter = reference.position_rad + plant.encoder.zero_rad
     for k in _ticks(shape[0], progress, plant.name):
-        q[k], qd[k] = state.q, state.qd
-        counts[k] = encoder.counts(state.q)
-        torque, statuses[k] = controller.step(
-            counts[k],
-            by_counter[k],
-            reference.velocity_rad_per_s[k],
-            reference.acceleration_rad_per_s2[k],
+        q[k], qd[k], q_motor[k] = state.q, state.qd, state.q_motor
+        tick = _Tick(
+            integrators[script.model[k]], script.external_Nm[k], sample_time_s, substep, state
         )
-        if statuses[k] < 0:
-            raise ControllerError(k, int(statuses[k]))
-        commanded.append(torque)
-        old, torque_Nm = torque_Nm, drive.limited(torque.astype(np.float64))
-        if before > 0.0:
-            state, friction[k] = integrator.advance(state, old, before, substep_s)
-        if after > 0.0:
-            state, first = integrator.advance(state, torque_Nm, after, substep_s)
-            if before == 0.0:
-                friction[k] = first
-        applied[k] = drive.delay * old + (1.0 - drive.delay) * torque_Nm
+        late, delayed, prompt = script.timings[script.timing[k]].shares
+        tick.hold(state.command_Nm, late)
+        counts[k] = counters.read(k, tick.state)
+        command = state.command_Nm
+        if script.called[k]:
+            commanded[k], statuses[k] = controller.step(
+                counts[k],
+                by_counter[k],
+                reference.velocity_rad_per_s[k],
+                reference.acceleration_rad_per_s2[k],
+            )
+            if statuses[k] < 0:
+                raise ControllerError(k, int(statuses[k]))
+            command = commanded[k].astype(np.float64)
+        tick.hold(state.command_Nm, delayed)
+        limit = script.torque_limit_Nm[k]
+        tick.hold(np.clip(command, -limit, limit), prompt)
+        applied[k], friction[k], state = tick.torque_Nm, tick.friction_Nm, tick.state
         if not np.all(np.isfinite(state.q)):
             raise diverged(plant, k)
     return Run(
@@ -385,17 +295,66 @@ def run_from(
         time_s=reference.time_s,
         q=q,
         qd=qd,
+        q_motor=q_motor,
         q_ref=reference.position_rad,
         qd_ref=reference.velocity_rad_per_s,
         qdd_ref=reference.acceleration_rad_per_s2,
         counts=counts,
-        q_encoder=encoder.positions_rad(counts),
-        torque_commanded_Nm=np.array(commanded),
+        q_encoder=plant.encoder.positions_rad(counts),
+        torque_commanded_Nm=_rows(commanded, shape),
         torque_applied_Nm=applied,
         friction_Nm=friction,
         status=statuses,
         end=state,
     )
+
+
+def _rows(
+    answers: dict[int, NDArray[np.floating[Any]]], shape: tuple[int, ...]
+) -> NDArray[np.floating[Any]]:
+    """Answers by tick as an array of their own type; rows without one are 0."""
+    kind = next(iter(answers.values())).dtype if answers else np.dtype(np.float64)
+    rows: NDArray[np.floating[Any]] = np.zeros(shape, dtype=kind)
+    for tick, answer in answers.items():
+        rows[tick] = answer
+    return rows
+
+
+class _Tick:
+    """One tick of the plant, part by part.
+
+    Attributes:
+        state: at the end of the parts so far.
+        torque_Nm: what they add to the tick's mean torque of the drives, shape (n,).
+        friction_Nm: at the beginning of the tick, shape (n,).
+    """
+
+    def __init__(
+        self,
+        integrator: Integrator,
+        external_Nm: Floats,
+        sample_time_s: float,
+        substep_s: float,
+        state: PlantState,
+    ) -> None:
+        self._integrator, self._external_Nm = integrator, external_Nm
+        self._sample_time_s, self._substep_s = sample_time_s, substep_s
+        self.state, self.torque_Nm = state, np.zeros_like(state.q)
+        self.friction_Nm: Floats | None = None
+
+    def hold(self, command_Nm: Floats, share: float) -> None:
+        """Holds a command for a fraction of the tick; one of no length still is the last."""
+        part = self._integrator.advance(
+            self.state,
+            command_Nm,
+            share * self._sample_time_s,
+            self._substep_s,
+            self._external_Nm,
+        )
+        self.state = part.state
+        self.torque_Nm = self.torque_Nm + share * part.torque_Nm
+        if self.friction_Nm is None and share > 0.0:
+            self.friction_Nm = part.friction_Nm
 
 
 def diverged(plant: Plant, tick: int) -> PlantError:

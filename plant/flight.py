@@ -10,7 +10,8 @@ from typing import Any, Literal
 import numpy as np
 
 from codegen.controller import Controller, load
-from plant.closed_loop import PlantError, Run, build_plant, simulate
+from plant.assembly import PlantError, build_plant
+from plant.closed_loop import Run, simulate
 from plant.compiled import loop as compiled
 from plant.controller import SATURATED, GeneratedController
 from plant.robot import FrictionName, Robot, load_robot

@@ -14,7 +14,8 @@ import numpy as np
 
 from codegen.controller import load
 from codegen.emit import REPOSITORY
-from plant.closed_loop import PlantError, beginning, build_plant, simulate
+from plant.assembly import PlantError, build_plant
+from plant.closed_loop import beginning, simulate
 from plant.compiled.loop import CompiledLoop
 from plant.controller import GeneratedController
 from plant.flight import DEFAULT_ROBOTS

@@ -27,7 +27,8 @@ from pydantic import (
 
 from codegen.problems import nearest
 from plant.drive import Drive
-from plant.encoder import COUNTS_PER_PULSE, Encoder
+from plant.encoder import COUNTS_PER_PULSE, Encoder, Mounting
+from plant.flexibility import Flexibility
 from plant.friction import (
     CoulombStribeck,
     CoulombStribeckJoint,
@@ -143,6 +144,13 @@ class RippleTable(_SourcedTable):
     cycles_per_motor_turn: Positive
 
 
+class FlexibilityTable(_SourcedTable):
+    """``[flexibility]``: springs and dampers between motors and links, at the joint."""
+
+    stiffness_Nm_per_rad: Positive | list[Positive]
+    damping_Nms_per_rad: NotNegative | list[NotNegative]
+
+
 class FrictionTable(_SourcedTable):
     """``[friction]``: Coulomb levels [positive, negative motion] and viscous friction."""
 
@@ -163,18 +171,24 @@ class FrictionTable(_SourcedTable):
 
 
 class EncoderTable(_SourcedTable):
-    """``[encoder]``: incremental encoders on the motor shafts, all edges counted."""
+    """``[encoder]``: incremental encoders on motor shafts or joints, all edges counted."""
 
+    mounted: Mounting = "motor"
     pulses_per_rev: Annotated[int, Field(gt=0)]
+    noise_counts: NotNegative | list[NotNegative] = 0.0
     phase: Annotated[FiniteFloat, Field(ge=0, lt=1)] = 0.0
     offset_counts: int = 0
 
 
 class DriveTable(_SourcedTable):
-    """``[drive]``: torque limits and delay (a fraction of the sample time)."""
+    """``[drive]``: torque limits, delay (a fraction of the sample time), current loop's bandwidth.
+
+    Without a bandwidth the torque is the command.
+    """
 
     given_at: Side
     torque_limit_Nm: Positive | list[Positive]
+    bandwidth_Hz: Positive | list[Positive] | None = None
     delay: Annotated[FiniteFloat, Field(ge=0, le=1)] = 0.0
 
 
@@ -195,6 +209,7 @@ class RobotFile(_Table):
     locked: JointNumbers = []
     links: LinksTable | None = None
     transmission: TransmissionTable
+    flexibility: FlexibilityTable | None = None
     friction: FrictionTable | None = None
     encoder: EncoderTable | None = None
     drive: DriveTable | None = None
@@ -220,6 +235,7 @@ class Robot:
         moving: indices (from 0) into ``links.chain`` of the joints that move.
         gear_ratio: motor turns per joint turn; negative where they turn against each other.
         armature_kgm2: motor inertia at the joint, gear_ratio^2 x motor inertia.
+        flexibility: None where joints are rigid.
         friction: None where the file has none; likewise the following.
         encoder: see :class:`plant.encoder.Encoder`.
         drive: see :class:`plant.drive.Drive`.
@@ -233,6 +249,7 @@ class Robot:
     moving: tuple[int, ...]
     gear_ratio: NDArray[np.float64]
     armature_kgm2: NDArray[np.float64]
+    flexibility: Flexibility | None
     friction: FrictionModel | None
     encoder: Encoder | None
     drive: Drive | None
@@ -372,8 +389,9 @@ def _resolve(
         moving=tuple(moving),
         gear_ratio=gear_ratio,
         armature_kgm2=gear_ratio**2 * motor_inertia,
+        flexibility=_flexibility(file.flexibility, columns) if file.flexibility else None,
         friction=_friction(friction, columns, gear_ratio, friction_name) if friction else None,
-        encoder=_encoder(encoder, gear_ratio) if encoder else None,
+        encoder=_encoder(encoder, columns, gear_ratio) if encoder else None,
         drive=_drive(drive, columns, gear_ratio) if drive else None,
         trajectory=_trajectory(trajectory, columns, [links.chain[i] for i in moving])
         if trajectory
@@ -436,20 +454,32 @@ def _friction(
     )
 
 
-def _encoder(table: EncoderTable, gear_ratio: NDArray[np.float64]) -> Encoder:
+def _flexibility(table: FlexibilityTable, columns: _Columns) -> Flexibility:
+    return Flexibility(
+        columns.pick("flexibility.stiffness_Nm_per_rad", table.stiffness_Nm_per_rad),
+        columns.pick("flexibility.damping_Nms_per_rad", table.damping_Nms_per_rad),
+    )
+
+
+def _encoder(table: EncoderTable, columns: _Columns, gear_ratio: NDArray[np.float64]) -> Encoder:
     n = len(gear_ratio)
-    return Encoder.at_motor(
-        gear_ratio,
+    return Encoder.on_shaft(
+        gear_ratio if table.mounted == "motor" else np.ones(n),
         counts_per_rev=np.full(n, float(COUNTS_PER_PULSE * table.pulses_per_rev)),
         phase=np.full(n, float(table.phase)),
         offset_counts=np.full(n, table.offset_counts, dtype=np.int64),
+        mounted=table.mounted,
+        noise_counts=columns.pick("encoder.noise_counts", table.noise_counts),
     )
 
 
 def _drive(table: DriveTable, columns: _Columns, gear_ratio: NDArray[np.float64]) -> Drive:
     limit = columns.pick("drive.torque_limit_Nm", table.torque_limit_Nm)
     at_joint = np.abs(gear_ratio) * limit if table.given_at == "motor" else limit
-    return Drive(at_joint, delay=float(table.delay))
+    if table.bandwidth_Hz is None:
+        return Drive(at_joint, delay=float(table.delay))
+    bandwidth = columns.pick("drive.bandwidth_Hz", table.bandwidth_Hz)
+    return Drive(at_joint, delay=float(table.delay), bandwidth_Hz=bandwidth)
 
 
 def _trajectory(table: TrajectoryTable, columns: _Columns, links: Sequence[Link]) -> RestToRest:

@@ -18,7 +18,8 @@ from codegen.controller import Controller, load
 from codegen.literals import UnprintableError
 from codegen.problems import SpecificationError
 from codegen.source import GenerationError
-from plant.closed_loop import ControllerError, PlantError
+from plant.assembly import PlantError
+from plant.closed_loop import ControllerError
 from plant.controller import LayoutError
 from plant.native import BUILD, CompilerError
 from plant.robot import RobotError

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from codegen.controller import load
 from codegen.emit import REPOSITORY
-from plant.closed_loop import build_plant
+from plant.assembly import build_plant
 from plant.compiled.loop import simulate
 from plant.controller import GeneratedController
 from plant.robot import load_robot

@@ -26,14 +26,8 @@ from rich.table import Table
 from codegen.controller import load
 from codegen.emit import REPOSITORY
 from codegen.problems import SpecificationError
-from plant.closed_loop import (
-    ControllerError,
-    ControllerOutput,
-    Floats,
-    PlantError,
-    build_plant,
-    simulate,
-)
+from plant.assembly import Floats, PlantError, build_plant
+from plant.closed_loop import ControllerError, ControllerOutput, simulate
 from plant.controller import GeneratedController, LayoutError
 from plant.flight import DEFAULT_ROBOTS
 from plant.native import BUILD, CompilerError

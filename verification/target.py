@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.emit import identity
-from plant.closed_loop import Floats
+from plant.assembly import Floats
 from plant.controller import GeneratedController, Structures
 from verification.firmware import (
     SERIAL_ON_STDIO,

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
+from plant.assembly import Floats, Plant
 from plant.campaign.specification import PlantsTable
-from plant.closed_loop import Floats, Plant
 from plant.friction import (
     CoulombStribeck,
     CoulombStribeckJoint,

@@ -14,19 +14,10 @@ import numpy as np
 
 from codegen.controller import Controller, load
 from codegen.problems import Problem, SpecificationError
+from plant.assembly import Floats, Plant, PlantError, build_plant
 from plant.campaign import plants
 from plant.campaign.specification import AS_SPECIFIED, CampaignSpecification
-from plant.closed_loop import (
-    Beginning,
-    ControllerError,
-    Floats,
-    Plant,
-    PlantError,
-    Run,
-    beginning,
-    build_plant,
-    run_from,
-)
+from plant.closed_loop import Beginning, ControllerError, Run, beginning, run_from, switch_on
 from plant.compiled.loop import CompiledLoop
 from plant.controller import SATURATED, GeneratedController
 from plant.flight import check_encoders, default_robot
@@ -262,9 +253,7 @@ class Workshop:
 def _in_python(
     plant: Plant, controller: GeneratedController, begin: Beginning, tick: float, substep: float
 ) -> Run:
-    status = controller.reset(plant.encoder.counts(begin.state.q), begin.torque_Nm)
-    if status < 0:
-        raise ControllerError(-1, status)
+    switch_on(plant, controller, begin)
     # A motion that diverges overflows before it is found to be non-finite.
     with np.errstate(over="ignore", invalid="ignore"):
         return run_from(plant, controller, begin, tick, substep, progress=False)

@@ -8,32 +8,34 @@ code, and ctypes lets other threads run meanwhile.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from codegen.controller import Controller
 from codegen.emit import untunable
 from codegen.rendering import environment
+from plant.assembly import Floats, Plant, PlantError, PlantState
 from plant.closed_loop import (
+    NOT_CALLED,
     Beginning,
     ControllerError,
-    Floats,
-    Plant,
-    PlantError,
-    PlantState,
+    Events,
     Run,
     beginning,
     diverged,
-    substeps,
 )
 from plant.compiled.dynamics import Structure, dynamics_c, numbers, structure
 from plant.compiled.rigid_body import UnsupportedJointError
 from plant.controller import GeneratedController, LayoutError
+from plant.integrator import substeps
 from plant.native import FLAGS, c_files, library, sources_of
+from plant.script import Script, uneventful
 from plant.trajectory import Reference, RestToRest
 from plant.units import units
 
@@ -50,21 +52,49 @@ _CONTROLLER_ERROR, _NOT_FINITE = 1, 2
 class _Part(ctypes.Structure):
     """``loop_part``."""
 
-    _fields_ = (("count", ctypes.c_int64), ("step_s", ctypes.c_double))
+    _fields_ = (
+        ("share", ctypes.c_double),
+        ("count", ctypes.c_int64),
+        ("step_s", ctypes.c_double),
+        *((name, ctypes.c_void_p) for name in ("decay", "mean", "mean_of_all")),
+    )
+
+
+class _Timing(ctypes.Structure):
+    """``loop_timing``."""
+
+    _fields_ = (("late", _Part), ("delayed", _Part), ("prompt", _Part))
 
 
 class _Plant(ctypes.Structure):
     """``loop_plant``."""
 
     _fields_ = (
-        ("joints", ctypes.c_int64),
-        ("delay", ctypes.c_double),
-        ("before", _Part),
-        ("after", _Part),
+        *((name, ctypes.c_int64) for name in ("joints", "coordinates", "read_from")),
+        *((name, ctypes.c_void_p) for name in ("counts_per_rad", "phase", "offset_counts")),
+    )
+
+
+class _Script(ctypes.Structure):
+    """``loop_script``."""
+
+    _fields_ = (
         *(
             (name, ctypes.c_void_p)
-            for name in ("torque_limit_Nm", "counts_per_rad", "phase", "offset_counts", "numbers")
+            for name in (
+                "timings",
+                "timing",
+                "called",
+                "reading",
+                "noise_counts",
+                "shift_counts",
+                "torque_limit_Nm",
+                "external_Nm",
+                "numbers",
+            )
         ),
+        ("numbers_count", ctypes.c_int64),
+        ("model", ctypes.c_void_p),
     )
 
 
@@ -73,7 +103,7 @@ def _pointers(name: str, *fields: str) -> type[ctypes.Structure]:
     return type(name, (ctypes.Structure,), {"_fields_": [(f, ctypes.c_void_p) for f in fields]})
 
 
-_State = _pointers("_State", "q", "qd", "friction", "torque_Nm")
+_State = _pointers("_State", "q", "qd", "friction", "command_Nm", "torque_Nm")
 _Record = _pointers(
     "_Record",
     "q",
@@ -113,8 +143,8 @@ def adapter_c(specification: Controller) -> str:
     )
 
 
-def structure_of(plant: Plant) -> Structure:
-    """The structure of a plant.
+def structure_of(plant: Plant, models: Sequence[pin.Model] = ()) -> Structure:
+    """The structure of a plant, which other rigid bodies may share.
 
     Raises:
         PlantError: the plant has a joint or a number of joints that this backend can't do.
@@ -122,7 +152,7 @@ def structure_of(plant: Plant) -> Structure:
     if plant.joints > MAX_JOINTS:
         raise PlantError(f"{plant.name} has {plant.joints} joints, more than {MAX_JOINTS}")
     try:
-        return structure(plant)
+        return structure(plant, models)
     except UnsupportedJointError as error:
         raise PlantError(f"{plant.name}: {error}") from error
 
@@ -152,6 +182,7 @@ class CompiledLoop:
         plant: from :func:`plant.closed_loop.build_plant`.
         specification: of the controller.
         sources: the folder with the controller's C; generated if not given.
+        models: other rigid bodies that runs may change to, such as with a payload.
 
     Attributes:
         specification: as given.
@@ -164,14 +195,18 @@ class CompiledLoop:
     """
 
     def __init__(
-        self, plant: Plant, specification: Controller, sources: Path | None = None
+        self,
+        plant: Plant,
+        specification: Controller,
+        sources: Path | None = None,
+        models: Sequence[pin.Model] = (),
     ) -> None:
         if plant.joints != len(specification.joints):
             raise PlantError(
                 f"{plant.name} has {plant.joints} joints, controller {specification.name} "
                 f"{len(specification.joints)}"
             )
-        self._structure = structure_of(plant)
+        self._structure = structure_of(plant, models)
         self.specification = specification
         self.path = compile_loop(self._structure, specification, sources)
         self._run = ctypes.CDLL(str(self.path)).loop_run
@@ -189,7 +224,7 @@ class CompiledLoop:
         controller: GeneratedController,
         begin: Beginning,
         sample_time_s: float,
-        substep_s: float = 1e-4,
+        substep_s: float | None = None,
         *,
         reset: bool = True,
     ) -> Run:
@@ -199,45 +234,49 @@ class CompiledLoop:
             plant: that of this loop, or one of the same structure with other numbers.
             controller: with its configuration, which is only read, and its state, which is left
                 as the last tick leaves it. Runs at the same time need one each.
-            begin: the first state and the reference.
+            begin: the first state, the reference and the script.
             sample_time_s: L.
-            substep_s: longest step of the integrator.
+            substep_s: longest step of the integrator; the plant's own by default.
             reset: whether the controller is switched on; else it goes on from its state, as in
                 :func:`plant.closed_loop.run_from`.
 
         Raises:
             ControllerError: the controller reported an error.
             PlantError: the motion became non-finite; or the plant is of another structure, or
-                something hasn't as many numbers as there are joints.
+                something hasn't as many numbers as there are joints or ticks.
             LayoutError: the controller is another one.
         """
-        if structure_of(plant) != self._structure:
-            raise PlantError(f"{plant.name} has another structure than the compiled plant")
-        if untunable(controller.specification) != untunable(self.specification):
-            raise LayoutError(
-                f"the loop was compiled for another controller than {controller.specification.name}"
-            )
-        if begin.reference.position_rad.shape[1] != plant.joints:
-            raise PlantError(f"the reference is not for the {plant.joints} joints of {plant.name}")
-        record = _record(begin.reference, controller)
-        state = _state(begin)
+        self._check(plant, controller, begin)
+        record = _record(begin.reference, controller, self._structure.coordinates)
+        state = _state(plant, begin.state)
         inputs = controller.inputs(
             begin.reference.position_rad + plant.encoder.zero_rad,
             begin.reference.velocity_rad_per_s,
             begin.reference.acceleration_rad_per_s2,
         )
-        held = controller.holding_torque(begin.torque_Nm)
-        arrays = _arrays(plant)
+        held = controller.holding_torque(begin.state.command_Nm)
+        arrays = _plant_arrays(plant)
+        timings = _Timings(
+            plant, begin.script, sample_time_s, plant.substep_s if substep_s is None else substep_s
+        )
+        script = _script_arrays(plant, begin.script)
         tick, status = ctypes.c_int64(), ctypes.c_int64()
         end = self._run(
-            ctypes.byref(_plant(plant, arrays, sample_time_s, substep_s)),
+            ctypes.byref(_plant(plant, self._structure.coordinates, arrays)),
+            ctypes.byref(
+                _Script(
+                    timings=timings.address,
+                    numbers_count=script["numbers"].shape[1],
+                    **_addresses(script),
+                )
+            ),
             ctypes.byref(_pointed(_State, state)),
             ctypes.byref(
                 _Controller(
-                    ctypes.addressof(controller.config),
-                    ctypes.addressof(controller.state),
-                    inputs.ctypes.data,
-                    ctypes.addressof(held) if reset else None,
+                    config=ctypes.addressof(controller.config),
+                    state=ctypes.addressof(controller.state),
+                    input=inputs.ctypes.data,
+                    holding_torque=ctypes.addressof(held) if reset else None,
                 )
             ),
             ctypes.byref(_pointed(_Record, record)),
@@ -251,18 +290,38 @@ class CompiledLoop:
             raise diverged(plant, tick.value)
         return _told(plant, controller, begin.reference, record, state, sample_time_s)
 
+    def _check(self, plant: Plant, controller: GeneratedController, begin: Beginning) -> None:
+        """What the C takes for granted."""
+        found = structure_of(plant, begin.script.models)
+        # Numbers that the C doesn't know must be 0; it doesn't mind others that are.
+        unknown = [
+            known and not zero
+            for known, zero in zip(self._structure.zeros, found.zeros, strict=False)
+        ]
+        if replace(found, zeros=self._structure.zeros) != self._structure or any(unknown):
+            raise PlantError(f"{plant.name} has another structure than the compiled plant")
+        if untunable(controller.specification) != untunable(self.specification):
+            raise LayoutError(
+                f"the loop was compiled for another controller than {controller.specification.name}"
+            )
+        ticks, joints = begin.reference.position_rad.shape
+        if joints != plant.joints:
+            raise PlantError(f"the reference is not for the {plant.joints} joints of {plant.name}")
+        if begin.script.ticks != ticks:
+            raise PlantError(
+                f"the script is for {begin.script.ticks} ticks, the reference for {ticks}"
+            )
 
-def _arrays(plant: Plant) -> dict[str, NDArray[Any]]:
+
+def _plant_arrays(plant: Plant) -> dict[str, NDArray[Any]]:
     """The plant's numbers by their names in ``loop_plant``."""
-    doubles = {
-        "torque_limit_Nm": plant.drive.torque_limit_Nm,
-        "counts_per_rad": plant.encoder.counts_per_rad,
-        "phase": plant.encoder.phase,
+    encoder = plant.encoder
+    _vector(encoder.offset_counts, plant.joints)
+    return {
+        "counts_per_rad": _vector(encoder.counts_per_rad, plant.joints),
+        "phase": _vector(encoder.phase, plant.joints),
+        "offset_counts": np.array(encoder.offset_counts, dtype=np.int64),
     }
-    arrays = {name: _vector(x, plant.joints) for name, x in doubles.items()}
-    _vector(plant.encoder.offset_counts, plant.joints)
-    offset = np.array(plant.encoder.offset_counts, dtype=np.int64)
-    return arrays | {"numbers": numbers(plant), "offset_counts": offset}
 
 
 def _vector(values: ArrayLike, joints: int) -> Floats:
@@ -273,15 +332,68 @@ def _vector(values: ArrayLike, joints: int) -> Floats:
     return made
 
 
-def _plant(
-    plant: Plant, arrays: Mapping[str, NDArray[Any]], sample_time_s: float, substep_s: float
-) -> _Plant:
+def _plant(plant: Plant, coordinates: int, arrays: Mapping[str, NDArray[Any]]) -> _Plant:
     """The plant for the C; the caller must keep the arrays."""
-    delay, parts = plant.drive.delay, []
-    for duration in (delay * sample_time_s, (1.0 - delay) * sample_time_s):
-        count = substeps(duration, substep_s)
-        parts.append(_Part(count, duration / count if count else 0.0))
-    return _Plant(plant.joints, delay, *parts, **_addresses(arrays))
+    read_from = coordinates - plant.joints if plant.encoder.mounted == "motor" else 0
+    return _Plant(plant.joints, coordinates, read_from, **_addresses(arrays))
+
+
+class _Timings:
+    """The timings for the C, and the memory that they point to."""
+
+    def __init__(self, plant: Plant, script: Script, sample_time_s: float, substep_s: float):
+        self._lags: list[Floats] = []
+        _vector(plant.drive.torque_limit_Nm, plant.joints)
+        self._timings = (_Timing * len(script.timings))(
+            *(
+                _Timing(
+                    *(
+                        self._part(plant, share, share * sample_time_s, substep_s)
+                        for share in timing.shares
+                    )
+                )
+                for timing in script.timings
+            )
+        )
+
+    @property
+    def address(self) -> int:
+        """Of the first timing."""
+        return ctypes.addressof(self._timings)
+
+    def _part(self, plant: Plant, share: float, duration_s: float, substep_s: float) -> _Part:
+        count = substeps(duration_s, substep_s)
+        if count == 0:
+            return _Part(0.0, 0, 0.0, None, None, None)
+        step = duration_s / count
+        lag = plant.drive.lag(step, count)
+        self._lags += lag
+        return _Part(share, count, step, *(column.ctypes.data for column in lag))
+
+
+def _script_arrays(plant: Plant, script: Script) -> dict[str, NDArray[Any]]:
+    """The script's arrays by their names in ``loop_script``, as the C takes them."""
+    ticks, n = script.ticks, plant.joints
+    kinds = {
+        "timing": (script.timing, np.int64, (ticks,)),
+        "called": (script.called, np.uint8, (ticks,)),
+        "reading": (script.reading, np.uint8, (ticks, n)),
+        "noise_counts": (script.noise_counts, np.float64, (ticks, n)),
+        "shift_counts": (script.shift_counts, np.int64, (ticks, n)),
+        "torque_limit_Nm": (script.torque_limit_Nm, np.float64, (ticks, n)),
+        "external_Nm": (script.external_Nm, np.float64, (ticks, n)),
+        "model": (script.model, np.int64, (ticks,)),
+    }
+    made: dict[str, NDArray[Any]] = {}
+    for name, (values, kind, shape) in kinds.items():
+        made[name] = np.ascontiguousarray(values, dtype=kind)
+        if made[name].shape != shape:
+            raise PlantError(f"the script's {name} is of shape {made[name].shape}, not {shape}")
+    for name, choices in (("timing", script.timings), ("model", script.models)):
+        if ticks and not 0 <= made[name].min() <= made[name].max() < len(choices):
+            raise PlantError(f"the script's {name} points beyond its {len(choices)} {name}s")
+    rows = [numbers(plant, model) for model in script.models]
+    return made | {"numbers": np.array(rows)}
 
 
 def _told(
@@ -293,11 +405,14 @@ def _told(
     sample_time_s: float,
 ) -> Run:
     """The record as a run."""
+    n = plant.joints
+    links, motors = slice(None, n), slice(-n, None)
     return Run(
         sample_time_s=sample_time_s,
         time_s=reference.time_s,
-        q=record["q"],
-        qd=record["qd"],
+        q=record["q"][:, links],
+        qd=record["qd"][:, links],
+        q_motor=record["q"][:, motors],
         q_ref=reference.position_rad,
         qd_ref=reference.velocity_rad_per_s,
         qdd_ref=reference.acceleration_rad_per_s2,
@@ -307,32 +422,42 @@ def _told(
         torque_applied_Nm=record["torque_applied_Nm"],
         friction_Nm=record["friction_Nm"],
         status=record["status"],
-        end=PlantState(state["q"], state["qd"], state["friction"].tolist()),
+        end=PlantState(
+            q=state["q"][links],
+            qd=state["qd"][links],
+            q_motor=state["q"][motors],
+            qd_motor=state["qd"][motors],
+            friction=state["friction"].tolist(),
+            command_Nm=state["command_Nm"],
+            torque_Nm=state["torque_Nm"],
+        ),
     )
 
 
-def _record(reference: Reference, controller: GeneratedController) -> dict[str, NDArray[Any]]:
+def _record(
+    reference: Reference, controller: GeneratedController, coordinates: int
+) -> dict[str, NDArray[Any]]:
     """Room for what happens."""
     shape = reference.position_rad.shape
-    doubles = ("q", "qd", "torque_applied_Nm", "friction_Nm")
-    return {name: np.zeros(shape) for name in doubles} | {
+    ticks = shape[0]
+    return {
+        "q": np.zeros((ticks, coordinates)),
+        "qd": np.zeros((ticks, coordinates)),
         "counts": np.zeros(shape, dtype=np.int32),
         "torque_commanded": np.zeros(shape, dtype=controller.types.torque),
-        "status": np.zeros(shape[0], dtype=np.int64),
+        "torque_applied_Nm": np.zeros(shape),
+        "friction_Nm": np.zeros(shape),
+        "status": np.full(ticks, NOT_CALLED, dtype=np.int64),
     }
 
 
-def _state(begin: Beginning) -> dict[str, NDArray[Any]]:
+def _state(plant: Plant, state: PlantState) -> dict[str, NDArray[Any]]:
     """A copy of the state, for the C to work on."""
-    state = begin.state
-    parts: dict[str, ArrayLike] = {
-        "q": state.q,
-        "qd": state.qd,
-        "friction": state.friction,
-        "torque_Nm": begin.torque_Nm,
-    }
-    joints = begin.reference.position_rad.shape[1]
-    return {name: _vector(part, joints) for name, part in parts.items()}
+    parts = {f.name: _vector(getattr(state, f.name), plant.joints) for f in fields(state)}
+    motors = {name: parts.pop(f"{name}_motor") for name in ("q", "qd")}
+    if plant.flexibility is None:
+        return parts
+    return parts | {name: np.concatenate((parts[name], motors[name])) for name in motors}
 
 
 def simulate(
@@ -340,8 +465,9 @@ def simulate(
     controller: GeneratedController,
     trajectory: RestToRest,
     sample_time_s: float,
-    substep_s: float = 1e-4,
+    substep_s: float | None = None,
     progress: bool | None = None,  # noqa: ARG001 - the interface of plant.closed_loop.simulate
+    events: Events = uneventful,
 ) -> Run:
     """Runs a generated controller on a plant, as :func:`plant.closed_loop.simulate` does.
 
@@ -352,8 +478,9 @@ def simulate(
         controller: made from sources, not from a library; is reset first.
         trajectory: the reference motion; the run is as long as it.
         sample_time_s: L.
-        substep_s: longest step of the integrator.
+        substep_s: longest step of the integrator; the plant's own by default.
         progress: there is none.
+        events: what happens beside.
 
     Raises:
         ControllerError: the controller reported an error.
@@ -366,6 +493,6 @@ def simulate(
             f"controller {controller.specification.name} is a library without its C: the compiled "
             "backend needs the C"
         )
-    begin = beginning(plant, trajectory, sample_time_s)
-    loop = CompiledLoop(plant, controller.specification, controller.sources)
+    begin = beginning(plant, trajectory, sample_time_s, events)
+    loop = CompiledLoop(plant, controller.specification, controller.sources, begin.script.models)
     return loop.run(plant, controller, begin, sample_time_s, substep_s)

@@ -21,12 +21,12 @@ from joblib.externals.loky import get_reusable_executor
 
 from codegen.problems import SpecificationError
 from plant.__main__ import main
+from plant.assembly import build_plant
 from plant.campaign import execution, plants
 from plant.campaign.execution import Workers, fly_missing
 from plant.campaign.results import Folder, open_folder, schema
 from plant.campaign.runs import Campaign, CampaignError, fly_plants, prepare
 from plant.campaign.specification import PlantsTable, read
-from plant.closed_loop import build_plant
 from plant.flight import fly
 from plant.model import dynamics
 from plant.robot import FrictionName, load_robot

@@ -10,20 +10,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from plant.closed_loop import (
-    ControllerError,
-    ControllerOutput,
-    Integrator,
-    Plant,
-    PlantError,
-    PlantState,
-    build_plant,
-    simulate,
-    substeps,
-)
+from plant.assembly import Plant, PlantError, PlantState, at_rest, build_plant
+from plant.closed_loop import ControllerError, ControllerOutput, simulate
 from plant.drive import Drive
 from plant.encoder import Encoder
 from plant.friction import frictionless
+from plant.integrator import Integrator, substeps
 from plant.model import dynamics, energy, gravity_torque
 from plant.robot import load_robot
 from plant.trajectory import RestToRest
@@ -98,8 +90,10 @@ def _move(duration_s: float = 0.5) -> RestToRest:
 
 def _swing(plant: Plant, substep: float) -> PlantState:
     """Half a second of free fall from the start posture."""
-    state = PlantState(START.copy(), np.array([1.0, 0.0, -1.0]), plant.friction.at_rest())
-    return Integrator(plant).advance(state, np.zeros(3), 0.5, substep)[0]
+    state = PlantState.as_one(
+        START.copy(), np.array([1.0, 0.0, -1.0]), plant.friction.at_rest(), np.zeros(3)
+    )
+    return Integrator(plant).advance(state, np.zeros(3), 0.5, substep).state
 
 
 def test_free_swing_converges_to_an_independent_solution_with_order_one(smooth: Plant) -> None:
@@ -239,12 +233,12 @@ def test_a_whole_tick_of_delay_is_the_command_one_tick_later(plant: Plant) -> No
     # The first tick still applies the holding torque, which float32 would round.
     assert delayed.torque_applied_Nm[0].tolist() == held.tolist()
     np.testing.assert_array_equal(delayed.torque_applied_Nm[1:], commands[:-1])
-    state = PlantState(START.copy(), np.zeros(3), plant.friction.at_rest())
+    state = at_rest(plant, START)
     integrator = Integrator(plant)
     for k in range(50):
         np.testing.assert_array_equal(delayed.q[k], state.q)
         torque = held if k == 0 else commands[k - 1].astype(np.float64)
-        state, _ = integrator.advance(state, torque, TICK, 1e-4)
+        state = integrator.advance(state, torque, TICK, 1e-4).state
 
 
 def test_a_fraction_of_delay_is_exact_off_the_substep_grid(smooth: Plant) -> None:
@@ -340,5 +334,5 @@ def test_the_puma560_runs_with_and_without_its_wrist(lock_wrist: bool) -> None:
 
 
 def test_encoder_without_gear_or_phase_is_the_default() -> None:
-    encoder = Encoder.at_motor(np.ones(2), np.full(2, 1000.0))
+    encoder = Encoder.on_shaft(np.ones(2), np.full(2, 1000.0))
     assert encoder.counts(np.array([np.pi, -np.pi])).tolist() == [500, -500]

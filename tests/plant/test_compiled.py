@@ -18,18 +18,15 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from codegen.controller import Controller, load
+from plant.assembly import Plant, PlantError, PlantState, build_plant
 from plant.closed_loop import (
     Beginning,
     ControllerError,
-    Integrator,
-    Plant,
-    PlantError,
-    PlantState,
     Run,
     beginning,
-    build_plant,
     run_from,
     simulate,
+    switch_on,
 )
 from plant.compiled import loop
 from plant.compiled.dynamics import (
@@ -47,6 +44,7 @@ from plant.controller import GeneratedController, LayoutError
 from plant.drive import Drive
 from plant.flight import Backend, fly
 from plant.friction import LuGre, frictionless
+from plant.integrator import Integrator
 from plant.model import dynamics, energy, gravity_torque
 from plant.native import library, shared_library, sources_of
 from plant.robot import FrictionName, Robot, load_robot
@@ -183,12 +181,13 @@ def test_friction_is_the_same_expression(name: FrictionName) -> None:
 
 def test_a_substep_is_that_of_the_integrator(puma: Case) -> None:
     integrator, states = Integrator(puma.plant), _random(puma.plant.joints)
+    external = _random(puma.plant.joints, seed=5)[-1]
     given = np.tile(numbers(puma.plant)[:, np.newaxis], STATES)
-    columns = (*(x.T for x in states), np.full((1, STATES), H), given)
+    columns = (*(x.T for x in states), external.T, np.full((1, STATES), H), given)
     q, qd, bristle, friction = _c(SUBSTEP, puma.loop)(*columns)
     for k, (position, velocity, state, torque) in enumerate(zip(*states, strict=True)):
-        start = PlantState(position, velocity, state.tolist())
-        after, first = integrator.advance(start, torque, H, H)
+        start = PlantState.as_one(position, velocity, state.tolist(), torque)
+        after, first, _ = integrator.advance(start, torque, H, H, external[k])
         np.testing.assert_allclose(q[:, k], after.q, rtol=0, atol=1e-12)
         np.testing.assert_allclose(qd[:, k], after.qd, rtol=0, atol=1e-12)
         np.testing.assert_allclose(bristle[:, k], after.friction, rtol=0, atol=1e-12)
@@ -218,16 +217,10 @@ def _assert_close(one: Run, other: Run) -> None:
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12)
 
 
-def _rows(reference: Reference, first: int, count: int) -> Reference:
-    """So many ticks of a reference."""
-    rows = (getattr(reference, f.name)[first : first + count] for f in fields(Reference))
-    return Reference(*rows)
-
-
-def _next(plant: Plant, run: Run, reference: Reference) -> Beginning:
-    """Where a run has ended, and what comes then."""
-    torque = plant.drive.limited(run.torque_commanded_Nm[-1].astype(np.float64))
-    return Beginning(reference, run.end, torque)
+def _part(whole: Beginning, state: PlantState, first: int, count: int) -> Beginning:
+    """So many ticks of a run, from another state on."""
+    rows = (getattr(whole.reference, f.name)[first : first + count] for f in fields(Reference))
+    return Beginning(Reference(*rows), state, whole.script.rows(first, count))
 
 
 @pytest.mark.parametrize(
@@ -255,19 +248,18 @@ def test_each_tick_of_a_run_is_that_of_the_loop_in_python(
     loop = CompiledLoop(plant, specification)
     python, compiled = (loop.controller() for _ in range(2))
     whole = beginning(plant, robot.trajectory.faster(6.0), TICK)
-    assert python.reset(plant.encoder.counts(whole.state.q), whole.torque_Nm) == 0
-    state, torque, excess = whole.state, whole.torque_Nm, []
+    switch_on(plant, python, whole)
+    state, excess = whole.state, []
     for tick in range(0, 2000, 10):
-        begin = Beginning(_rows(whole.reference, tick, 1), state, torque)
+        begin = _part(whole, state, tick, 1)
         memory = bytes(python.state)
         ctypes.memmove(ctypes.addressof(compiled.state), memory, len(memory))
         expected = run_from(plant, python, begin, TICK, H, progress=False)
         _assert_close(loop.run(plant, compiled, begin, TICK, H, reset=False), expected)
         assert bytes(compiled.state) == bytes(python.state)
         # From here to the next comparison, Python goes alone.
-        begin = _next(plant, expected, _rows(whole.reference, tick + 1, 9))
-        last = run_from(plant, python, begin, TICK, H, progress=False)
-        state, torque = last.end, _next(plant, last, begin.reference).torque_Nm
+        begin = _part(whole, expected.end, tick + 1, 9)
+        state = run_from(plant, python, begin, TICK, H, progress=False).end
         commanded = expected.torque_commanded_Nm[0].astype(np.float64)
         excess.append(commanded - drive.limited(commanded))
     assert np.max(excess) > 0.0 > np.min(excess), "the drives are to reach both limits"
@@ -305,9 +297,9 @@ def _swing(case: Case, substep_s: float) -> PlantState:
     step, given = ca.external(SUBSTEP, str(case.loop.path)), numbers(case.plant)
     state = [START, np.array([1.0, 0.0, -1.0]), np.zeros(3)]
     for _ in range(round(0.25 / substep_s)):
-        *state, _ = step(*state, np.zeros(3), substep_s, given)
+        *state, _ = step(*state, np.zeros(3), np.zeros(3), substep_s, given)
     q, qd, friction = (np.array(x).ravel() for x in state)
-    return PlantState(q, qd, friction.tolist())
+    return PlantState.as_one(q, qd, friction.tolist(), np.zeros(3))
 
 
 @pytest.fixture(scope="module")
@@ -486,7 +478,7 @@ def test_what_cannot_be_run_says_why(reference: Case, puma3: Controller, six: Ca
         reference.loop.run(smooth, reference.loop.controller(), begin, TICK)
     for wrong in (
         replace(begin, reference=six_joints),
-        replace(begin, torque_Nm=np.zeros(2)),
+        replace(begin, state=replace(begin.state, command_Nm=np.zeros(2))),
         replace(begin, state=replace(begin.state, friction=[0.0])),
     ):
         with pytest.raises(PlantError, match="joint"):

@@ -14,7 +14,7 @@ from plant.robot import load_robot
 
 
 def _encoder(gear: float = 120.0, phase: float = 0.0, offset: int = 0) -> Encoder:
-    return Encoder.at_motor(
+    return Encoder.on_shaft(
         np.array([gear]),
         np.array([8192.0]),
         phase=np.array([phase]),

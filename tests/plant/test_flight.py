@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from plant.__main__ import main
-from plant.closed_loop import PlantError
+from plant.assembly import PlantError
 from plant.flight import fly
 from plant.robot import FrictionName
 

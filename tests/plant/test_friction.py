@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from plant.closed_loop import Integrator, Plant, PlantState, build_plant
+from plant.assembly import Plant, PlantState, build_plant
 from plant.friction import (
     CoulombStribeck,
     CoulombStribeckJoint,
@@ -23,6 +23,7 @@ from plant.friction import (
     StribeckCurve,
     frictionless,
 )
+from plant.integrator import Integrator
 from plant.model import gravity_torque
 from plant.robot import load_robot
 
@@ -227,8 +228,8 @@ def test_armature_takes_the_implicit_friction(name: str) -> None:
     n, h, rng = plant.joints, 1e-4, np.random.default_rng(1995)
     for _ in range(20):
         q, qd, torque = rng.uniform(-2.0, 2.0, (3, n)) * np.array([[1.0], [0.05], [30.0]])
-        state = PlantState(q, qd, rng.uniform(-3e-4, 3e-4, n).tolist())
-        after, friction = Integrator(plant).advance(state, torque, h, h)
+        state = PlantState.as_one(q, qd, rng.uniform(-3e-4, 3e-4, n).tolist(), torque)
+        after, friction, _ = Integrator(plant).advance(state, torque, h, h)
         _, force, derivative = plant.friction.step(q.tolist(), qd.tolist(), state.friction, h)
         data = plant.model.createData()
         M = pin.crba(plant.model, data, q)
@@ -256,10 +257,10 @@ def test_implicit_step_is_stable_at_one_millisecond(stiffness: float) -> None:
     plant = _stiffened(build_plant(load_robot("reference")), stiffness)
     start = np.deg2rad([0.0, -45.0, 90.0])
     held = gravity_torque(plant.model, start)
-    state = PlantState(start, np.array([0.2, -0.2, 0.2]), plant.friction.at_rest())
-    state, _ = Integrator(plant).advance(state, held, 1.0, 1e-3)
+    state = PlantState.as_one(start, np.array([0.2, -0.2, 0.2]), plant.friction.at_rest(), held)
+    state = Integrator(plant).advance(state, held, 1.0, 1e-3).state
     stopped = state.q.copy()
-    state, _ = Integrator(plant).advance(state, held, 2.0, 1e-3)
+    state = Integrator(plant).advance(state, held, 2.0, 1e-3).state
     assert np.all(np.abs(stopped - start) < 0.05)
     assert np.all(np.abs(state.q - stopped) < 1e-5)
     assert np.all(np.abs(state.qd) < 1e-4)

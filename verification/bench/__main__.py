@@ -12,7 +12,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from codegen.emit import REPOSITORY
 from codegen.problems import SpecificationError
 from codegen.source import GenerationError
-from plant.closed_loop import ControllerError, PlantError
+from plant.assembly import PlantError
+from plant.closed_loop import ControllerError
 from plant.native import CompilerError
 from plant.robot import RobotError
 from verification.bench.page import PAGE, write_page

@@ -23,7 +23,8 @@ import numpy as np
 from codegen.arithmetic import FLOAT64
 from codegen.controller import Controller, read, resolve
 from codegen.exact import binary32
-from plant.closed_loop import build_plant, simulate
+from plant.assembly import build_plant
+from plant.closed_loop import simulate
 from plant.controller import GeneratedController, structures
 from plant.model import gravity_torque
 from plant.robot import load_robot
