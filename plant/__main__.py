@@ -18,7 +18,7 @@ from rich.table import Table
 
 from codegen.problems import SpecificationError
 from codegen.source import GenerationError
-from plant.assembly import PlantError
+from plant.assembly import FLEXIBLE_SUBSTEP_S, RIGID_SUBSTEP_S, PlantError
 from plant.campaign.execution import Pool, Workers, fly_missing
 from plant.campaign.results import Folder, open_folder, summarise
 from plant.campaign.runs import CampaignError, prepare
@@ -30,6 +30,8 @@ from plant.model import build_model, dynamics
 from plant.native import BUILD, CompilerError
 from plant.pace import CONTROLLERS, measure
 from plant.robot import FrictionName, Robot, RobotError, load_robot, robot_names
+from plant.scenario import read_scenario, scenario_names
+from plant.script import uneventful
 
 
 class UsageError(Exception):
@@ -139,6 +141,7 @@ def _simulate(arguments: argparse.Namespace, console: Console) -> int:
         speed=arguments.speed,
         substep_s=arguments.substep,
         backend=arguments.backend,
+        events=read_scenario(arguments.scenario).script if arguments.scenario else uneventful,
     )
     figures = flight.figures()
     if arguments.json:
@@ -331,10 +334,18 @@ def _add_simulate(commands: argparse._SubParsersAction[argparse.ArgumentParser])
         help="friction model, with the parameters of the robot's file; the file's by default",
     )
     parser.add_argument(
+        "--scenario",
+        help="faults, disturbances and payloads: a file of them, or one of "
+        + ", ".join(scenario_names()),
+    )
+    parser.add_argument(
         "--speed", type=_positive, default=1.0, help="how many times as fast, 1 by default"
     )
     parser.add_argument(
-        "--substep", type=_positive, default=1e-4, help="longest integration step [s], 1e-4"
+        "--substep",
+        type=_positive,
+        help=f"longest integration step [s], {RIGID_SUBSTEP_S:g} or, where joints are flexible, "
+        f"{FLEXIBLE_SUBSTEP_S:g}",
     )
     parser.add_argument(
         "--backend",

@@ -26,8 +26,8 @@ from plant.trajectory import Reference, RestToRest
 NOT_CALLED = 1 << 16
 """Stands for the status of a tick at which the controller is not called."""
 
-Events = Callable[[Plant, int], Script]
-"""What happens to a plant in so many ticks."""
+Events = Callable[[Plant, Reference], Script]
+"""What happens to a plant along a reference."""
 
 
 class ControllerOutput(NamedTuple):
@@ -176,7 +176,7 @@ def simulate(
         sample_time_s: L.
         substep_s: longest step of the integrator; the plant's own by default.
         progress: shows a progress bar; by default on a terminal only.
-        events: what happens beside, such as :meth:`plant.scenario.Scenario.on`.
+        events: what happens beside, such as :meth:`plant.scenario.Scenario.script`.
 
     Raises:
         ControllerError: the controller reported an error.
@@ -184,7 +184,7 @@ def simulate(
             motion became non-finite.
     """
     begin = beginning(plant, trajectory, sample_time_s, events)
-    switch_on(plant, controller, begin)
+    switch_on(controller, begin)
     return run_from(plant, controller, begin, sample_time_s, substep_s, progress)
 
 
@@ -218,16 +218,16 @@ def beginning(
             f"the trajectory {reference.position_rad.shape[1]}"
         )
     state = at_rest(plant, trajectory.start_rad)
-    return Beginning(reference, state, events(plant, len(reference.time_s)))
+    return Beginning(reference, state, events(plant, reference))
 
 
-def switch_on(plant: Plant, controller: Controller, begin: Beginning) -> None:
+def switch_on(controller: Controller, begin: Beginning) -> None:
     """Resets the controller at the beginning of a run.
 
     Raises:
         ControllerError: the controller reported an error.
     """
-    counts = Counters(plant, begin.script, begin.state).first
+    counts = Counters(begin.script, begin.state).first
     status = controller.reset(counts, begin.state.command_Nm)
     if status < 0:
         raise ControllerError(-1, status)
@@ -258,13 +258,13 @@ def run_from(
     reference, state, script = begin.reference, begin.state, begin.script
     substep = plant.substep_s if substep_s is None else substep_s
     integrators = [Integrator(plant, model) for model in script.models]
-    counters = Counters(plant, script, state)
+    counters = Counters(script, state)
     shape = reference.position_rad.shape
     q, qd, q_motor, applied, friction = (np.empty(shape) for _ in range(5))
     counts = np.empty(shape, dtype=np.int32)
     commanded: dict[int, NDArray[np.floating[Any]]] = {}
     statuses = np.full(shape[0], NOT_CALLED, dtype=np.int64)
-    by_counter = reference.position_rad + plant.encoder.zero_rad
+    by_counter = reference.position_rad + script.encoder.zero_rad
     for k in _ticks(shape[0], progress, plant.name):
         q[k], qd[k], q_motor[k] = state.q, state.qd, state.q_motor
         tick = _Tick(
@@ -300,7 +300,7 @@ def run_from(
         qd_ref=reference.velocity_rad_per_s,
         qdd_ref=reference.acceleration_rad_per_s2,
         counts=counts,
-        q_encoder=plant.encoder.positions_rad(counts),
+        q_encoder=script.encoder.positions_rad(counts),
         torque_commanded_Nm=_rows(commanded, shape),
         torque_applied_Nm=applied,
         friction_Nm=friction,

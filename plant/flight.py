@@ -11,10 +11,11 @@ import numpy as np
 
 from codegen.controller import Controller, load
 from plant.assembly import PlantError, build_plant
-from plant.closed_loop import Run, simulate
+from plant.closed_loop import Events, Run, simulate
 from plant.compiled import loop as compiled
 from plant.controller import SATURATED, GeneratedController
 from plant.robot import FrictionName, Robot, load_robot
+from plant.script import uneventful
 
 DEFAULT_ROBOTS = {3: "reference", 6: "puma560"}
 """The robot for a number of joints, where none is named."""
@@ -70,9 +71,10 @@ def fly(
     robot: str | None = None,
     friction: FrictionName | None = None,
     speed: float = 1.0,
-    substep_s: float = 1e-4,
+    substep_s: float | None = None,
     progress: bool | None = None,
     backend: Backend = "pinocchio",
+    events: Events = uneventful,
 ) -> Flight:
     """Flies the C of a specification along the robot's own trajectory.
 
@@ -85,9 +87,10 @@ def fly(
         robot: a robot file's name or path; by default the one for this number of joints.
         friction: another friction model than the robot file's, with the file's parameters.
         speed: how many times as fast the trajectory is run.
-        substep_s: longest step of the plant's integration [s].
+        substep_s: longest step of the plant's integration [s]; the plant's own by default.
         progress: whether to show a progress bar; by default on a terminal only.
         backend: ``pinocchio``, the reference, or ``compiled``, the same loop in C.
+        events: what happens beside, such as :meth:`plant.scenario.Scenario.script`.
 
     Raises:
         SpecificationError: the specification or the experiment can't be used.
@@ -111,6 +114,7 @@ def fly(
         float(shipped.sample_time),
         substep_s,
         progress,
+        events,
     )
     return Flight(tuned, experiment, body, run)
 

@@ -6,7 +6,7 @@ scenarios instead (:mod:`plant.scenario`), which become a script.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -15,7 +15,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from plant.assembly import Floats, Plant, PlantState
-from plant.encoder import wrapped
+from plant.encoder import Encoder, wrapped
+from plant.trajectory import Reference
 
 
 class Reading(IntEnum):
@@ -61,6 +62,8 @@ class Script:
         shift_counts: what the counters hold too much, shape (ticks, n).
         torque_limit_Nm: of the drives, >= 0, shape (ticks, n).
         external_Nm: torque on the links, shape (ticks, n).
+        encoder: the plant's, or one whose counters begin elsewhere; the reference is given in its
+            counts.
         models: the different rigid bodies, such as with and without a payload.
         model: index into them, shape (ticks,).
     """
@@ -73,6 +76,7 @@ class Script:
     shift_counts: NDArray[np.int64]
     torque_limit_Nm: Floats
     external_Nm: Floats
+    encoder: Encoder
     models: tuple[pin.Model, ...]
     model: NDArray[np.int64]
 
@@ -84,29 +88,24 @@ class Script:
     def rows(self, first: int, count: int) -> Script:
         """So many ticks of the script."""
         part = slice(first, first + count)
-        return Script(
-            self.timings,
-            self.timing[part],
-            self.called[part],
-            self.reading[part],
-            self.noise_counts[part],
-            self.shift_counts[part],
-            self.torque_limit_Nm[part],
-            self.external_Nm[part],
-            self.models,
-            self.model[part],
-        )
+        arrays = {
+            f.name: getattr(self, f.name)[part]
+            for f in fields(self)
+            if f.name not in ("timings", "encoder", "models")
+        }
+        return replace(self, **arrays)
 
 
-def uneventful(plant: Plant, ticks: int, seed: int = 0) -> Script:
+def uneventful(plant: Plant, reference: Reference, seed: int = 0) -> Script:
     """The script of a run in which nothing happens but the encoders' own noise.
 
     Args:
         plant: the plant.
-        ticks: of the run.
+        reference: of the run.
         seed: of the noise.
     """
-    shape = (ticks, plant.joints)
+    shape = reference.position_rad.shape
+    ticks = shape[0]
     sigma = np.broadcast_to(plant.encoder.noise_counts, shape)
     # Named, because numpy may change its default.
     normal = np.random.Generator(np.random.PCG64(seed)).standard_normal if np.any(sigma) else None
@@ -119,6 +118,7 @@ def uneventful(plant: Plant, ticks: int, seed: int = 0) -> Script:
         shift_counts=np.zeros(shape, dtype=np.int64),
         torque_limit_Nm=np.tile(plant.drive.torque_limit_Nm, (ticks, 1)),
         external_Nm=np.zeros(shape),
+        encoder=plant.encoder,
         models=(plant.model,),
         model=np.zeros(ticks, dtype=np.int64),
     )
@@ -128,14 +128,13 @@ class Counters:
     """The encoders' counters as a run's controller reads them, faults and all.
 
     Args:
-        plant: the plant.
         script: of the run.
         begin: the state at its beginning, from which the first reading comes.
     """
 
-    def __init__(self, plant: Plant, script: Script, begin: PlantState) -> None:
-        self._encoder, self._script = plant.encoder, script
-        self._lost = np.zeros(plant.joints, dtype=np.int64)
+    def __init__(self, script: Script, begin: PlantState) -> None:
+        self._encoder, self._script = script.encoder, script
+        self._lost = np.zeros(len(begin.q), dtype=np.int64)
         self._last = self._exact(begin)
         if script.ticks:
             self._last = self._last + script.shift_counts[0]

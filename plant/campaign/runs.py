@@ -253,7 +253,7 @@ class Workshop:
 def _in_python(
     plant: Plant, controller: GeneratedController, begin: Beginning, tick: float, substep: float
 ) -> Run:
-    switch_on(plant, controller, begin)
+    switch_on(controller, begin)
     # A motion that diverges overflows before it is found to be non-finite.
     with np.errstate(over="ignore", invalid="ignore"):
         return run_from(plant, controller, begin, tick, substep, progress=False)

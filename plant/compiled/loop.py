@@ -33,6 +33,7 @@ from plant.closed_loop import (
 from plant.compiled.dynamics import Structure, dynamics_c, numbers, structure
 from plant.compiled.rigid_body import UnsupportedJointError
 from plant.controller import GeneratedController, LayoutError
+from plant.encoder import Encoder
 from plant.integrator import substeps
 from plant.native import FLAGS, c_files, library, sources_of
 from plant.script import Script, uneventful
@@ -250,12 +251,12 @@ class CompiledLoop:
         record = _record(begin.reference, controller, self._structure.coordinates)
         state = _state(plant, begin.state)
         inputs = controller.inputs(
-            begin.reference.position_rad + plant.encoder.zero_rad,
+            begin.reference.position_rad + begin.script.encoder.zero_rad,
             begin.reference.velocity_rad_per_s,
             begin.reference.acceleration_rad_per_s2,
         )
         held = controller.holding_torque(begin.state.command_Nm)
-        arrays = _plant_arrays(plant)
+        arrays = _encoder_arrays(begin.script.encoder, plant.joints)
         timings = _Timings(
             plant, begin.script, sample_time_s, plant.substep_s if substep_s is None else substep_s
         )
@@ -288,7 +289,7 @@ class CompiledLoop:
             raise ControllerError(tick.value, status.value)
         if end == _NOT_FINITE:
             raise diverged(plant, tick.value)
-        return _told(plant, controller, begin.reference, record, state, sample_time_s)
+        return _told(controller, begin, record, state, sample_time_s)
 
     def _check(self, plant: Plant, controller: GeneratedController, begin: Beginning) -> None:
         """What the C takes for granted."""
@@ -313,13 +314,12 @@ class CompiledLoop:
             )
 
 
-def _plant_arrays(plant: Plant) -> dict[str, NDArray[Any]]:
-    """The plant's numbers by their names in ``loop_plant``."""
-    encoder = plant.encoder
-    _vector(encoder.offset_counts, plant.joints)
+def _encoder_arrays(encoder: Encoder, joints: int) -> dict[str, NDArray[Any]]:
+    """The encoders' numbers by their names in ``loop_plant``."""
+    _vector(encoder.offset_counts, joints)
     return {
-        "counts_per_rad": _vector(encoder.counts_per_rad, plant.joints),
-        "phase": _vector(encoder.phase, plant.joints),
+        "counts_per_rad": _vector(encoder.counts_per_rad, joints),
+        "phase": _vector(encoder.phase, joints),
         "offset_counts": np.array(encoder.offset_counts, dtype=np.int64),
     }
 
@@ -397,15 +397,14 @@ def _script_arrays(plant: Plant, script: Script) -> dict[str, NDArray[Any]]:
 
 
 def _told(
-    plant: Plant,
     controller: GeneratedController,
-    reference: Reference,
+    begin: Beginning,
     record: Mapping[str, NDArray[Any]],
     state: Mapping[str, NDArray[Any]],
     sample_time_s: float,
 ) -> Run:
     """The record as a run."""
-    n = plant.joints
+    reference, n = begin.reference, controller.joints
     links, motors = slice(None, n), slice(-n, None)
     return Run(
         sample_time_s=sample_time_s,
@@ -417,7 +416,7 @@ def _told(
         qd_ref=reference.velocity_rad_per_s,
         qdd_ref=reference.acceleration_rad_per_s2,
         counts=record["counts"],
-        q_encoder=plant.encoder.positions_rad(record["counts"]),
+        q_encoder=begin.script.encoder.positions_rad(record["counts"]),
         torque_commanded_Nm=controller.units.torque.physical(record["torque_commanded"]),
         torque_applied_Nm=record["torque_applied_Nm"],
         friction_Nm=record["friction_Nm"],

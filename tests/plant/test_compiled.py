@@ -248,7 +248,7 @@ def test_each_tick_of_a_run_is_that_of_the_loop_in_python(
     loop = CompiledLoop(plant, specification)
     python, compiled = (loop.controller() for _ in range(2))
     whole = beginning(plant, robot.trajectory.faster(6.0), TICK)
-    switch_on(plant, python, whole)
+    switch_on(python, whole)
     state, excess = whole.state, []
     for tick in range(0, 2000, 10):
         begin = _part(whole, state, tick, 1)
