@@ -225,6 +225,34 @@ def test_drive_refuses_nonsense() -> None:
             Drive(np.array([limit]), delay)
 
 
+def test_a_current_loop_answers_a_step_as_a_first_order_lag(smooth: Plant) -> None:
+    """The applied torque is the mean over each tick, whatever the substeps and the delay."""
+    bandwidth, delay, ticks = np.array([50.0, 200.0, 1000.0]), 0.37, 6
+    drive = replace(smooth.drive, bandwidth_Hz=bandwidth, delay=delay)
+    held, step = gravity_torque(smooth.model, START), np.array([4.0, -30.0, 10.0])
+    for substep in (1e-4, 3e-4):
+        run = simulate(
+            replace(smooth, drive=drive),
+            Scripted(lambda _: step),
+            _rest(ticks),
+            TICK,
+            substep,
+            progress=False,
+        )
+        rate = 2.0 * np.pi * bandwidth
+
+        def left(time_s: float, rate: Floats = rate) -> Floats:
+            """The integral of what is left of the step, from its beginning on."""
+            return -np.expm1(-rate * max(time_s, 0.0)) / rate + min(time_s, 0.0)
+
+        for k in range(ticks):
+            ends = [left((k + end - delay) * TICK) for end in (0, 1)]
+            expected = step + (held - step) * (ends[1] - ends[0]) / TICK
+            np.testing.assert_allclose(run.torque_applied_Nm[k], expected, rtol=1e-6)
+        remaining = (held - step) * np.exp(-rate * (ticks - delay) * TICK)
+        np.testing.assert_allclose(run.end.torque_Nm, step + remaining, rtol=1e-6)
+
+
 def test_a_whole_tick_of_delay_is_the_command_one_tick_later(plant: Plant) -> None:
     commands = np.random.default_rng(3).uniform(-20.0, 20.0, (50, 3)).astype(np.float32)
     held = gravity_torque(plant.model, START)

@@ -20,6 +20,7 @@ from scipy.integrate import solve_ivp
 from codegen.controller import Controller, load
 from plant.assembly import Plant, PlantError, PlantState, build_plant
 from plant.closed_loop import (
+    NOT_CALLED,
     Beginning,
     ControllerError,
     Run,
@@ -40,14 +41,17 @@ from plant.compiled.dynamics import (
 )
 from plant.compiled.loop import CompiledLoop
 from plant.compiled.loop import simulate as simulate_compiled
-from plant.controller import GeneratedController, LayoutError
+from plant.controller import SATURATED, GeneratedController, LayoutError
 from plant.drive import Drive
+from plant.encoder import Mounting
+from plant.flexibility import Flexibility
 from plant.flight import Backend, fly
 from plant.friction import LuGre, frictionless
 from plant.integrator import Integrator
 from plant.model import dynamics, energy, gravity_torque
 from plant.native import library, shared_library, sources_of
 from plant.robot import FrictionName, Robot, load_robot
+from plant.scenario import Scenario
 from plant.trajectory import Reference, RestToRest
 
 Floats = NDArray[np.float64]
@@ -204,17 +208,17 @@ def _variant(folder: Path, name: str) -> Controller:
     return load(path)
 
 
-def _assert_close(one: Run, other: Run) -> None:
+def _assert_close(one: Run, other: Run, tolerance: float = 1e-12) -> None:
     """Equal but for rounding errors of the plant; what the controller computes has equal bits."""
-    for name in ("q", "qd", "q_encoder", "torque_applied_Nm", "friction_Nm"):
+    for name in ("q", "qd", "q_motor", "q_encoder", "torque_applied_Nm", "friction_Nm"):
         a, b = getattr(one, name), getattr(other, name)
-        np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12, err_msg=name)
+        np.testing.assert_allclose(a, b, rtol=tolerance, atol=tolerance, err_msg=name)
     for name in ("time_s", "q_ref", "qd_ref", "qdd_ref", "counts", "torque_commanded_Nm", "status"):
         a, b = getattr(one, name), getattr(other, name)
         np.testing.assert_array_equal(a, b, err_msg=name)
         assert a.dtype == b.dtype
     for a, b in zip(vars(one.end).values(), vars(other.end).values(), strict=True):
-        np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(a, b, rtol=tolerance, atol=tolerance)
 
 
 def _part(whole: Beginning, state: PlantState, first: int, count: int) -> Beginning:
@@ -263,6 +267,74 @@ def test_each_tick_of_a_run_is_that_of_the_loop_in_python(
         commanded = expected.torque_commanded_Nm[0].astype(np.float64)
         excess.append(commanded - drive.limited(commanded))
     assert np.max(excess) > 0.0 > np.min(excess), "the drives are to reach both limits"
+
+
+EVENTFUL = [
+    {"kind": "encoder-noise", "sigma_counts": 0.7},
+    {"kind": "encoder-wrap", "at_s": 0.2, "joints": [1]},
+    {"kind": "late-ticks", "late": 0.5, "random": True},
+    {"kind": "disturbance", "torque_Nm": 8.0, "frequency_Hz": 20.0, "joints": [2, 3]},
+    {"kind": "payload", "at_s": 0.1, "duration_s": 0.2, "mass_kg": 0.7},
+    {"kind": "payload", "at_s": 0.25, "mass_kg": 0.3, "center_of_mass_m": [0.1, 0.2, 0.3]},
+    {"kind": "missed-ticks", "at_s": 0.004, "duration_s": 0.002},
+    {"kind": "torque-limit", "at_s": 0.05, "duration_s": 0.3, "factor": 0.4},
+    {"kind": "encoder-jump", "at_s": 0.014, "duration_s": 0.004, "counts": -3},
+    {"kind": "encoder-dropout", "at_s": 0.023, "duration_s": 0.002, "joints": [2]},
+    {"kind": "encoder-stuck", "at_s": 0.032, "duration_s": 0.003, "joints": [1]},
+    {"kind": "encoder-lost-pulses", "at_s": 0.041, "duration_s": 0.004, "joints": [2, 3]},
+]
+
+
+@pytest.mark.parametrize("mounted", ["motor", "joint"])
+@pytest.mark.parametrize("flexible", [True, False])
+def test_a_run_with_everything_is_that_of_the_loop_in_python(
+    robot: Robot, puma3: Controller, mounted: Mounting, flexible: bool
+) -> None:
+    """Ten ticks at a time, both from the state in which the loop in Python left the last ones.
+
+    Ten are few enough for the runs to differ by rounding errors only, and enough for every event
+    to begin or end within them.
+    """
+    plain = build_plant(robot)
+    springs = Flexibility(np.array([2e4, 2e4, 1e4]), np.array([10.0, 10.0, 0.0]))
+    # Counters that begin near 0, so that a reading of 0 is none that the controller refuses.
+    offset = -plain.encoder.exact_counts(START)
+    plant = replace(
+        plain,
+        flexibility=springs if flexible else None,
+        encoder=replace(plain.encoder, mounted=mounted, offset_counts=offset),
+        drive=replace(plain.drive, delay=0.31, bandwidth_Hz=np.array([100.0, 300.0, np.inf])),
+    )
+    scenario = Scenario.model_validate({"events": EVENTFUL})
+    assert robot.trajectory is not None
+    whole = beginning(plant, robot.trajectory.faster(8.0), TICK, scenario.script)
+    loop = CompiledLoop(plant, puma3, models=whole.script.models)
+    python, compiled = (loop.controller() for _ in range(2))
+    switch_on(python, whole)
+    state, statuses = whole.state, set[int]()
+    for tick in range(0, 400, 10):
+        begin = _part(whole, state, tick, 10)
+        memory = bytes(python.state)
+        ctypes.memmove(ctypes.addressof(compiled.state), memory, len(memory))
+        expected = run_from(plant, python, begin, TICK, H, progress=False)
+        _assert_close(loop.run(plant, compiled, begin, TICK, H, reset=False), expected, 1e-9)
+        state = expected.end
+        statuses |= set(expected.status.tolist())
+    assert {0, SATURATED, NOT_CALLED} <= statuses
+
+
+def test_a_payload_that_the_c_does_not_know_is_refused(reference: Case) -> None:
+    motion = RestToRest(np.array([START, START]), np.array([0.01]))
+    load = {"kind": "payload", "mass_kg": 1.0, "center_of_mass_m": [0.1, 0.2, 0.3]}
+    scenario = Scenario.model_validate({"events": [load]})
+    begin = beginning(reference.plant, motion, TICK, scenario.script)
+    begin.script.models[-1].gravity.linear = np.array([1.0, 0.0, -9.81])
+    with pytest.raises(PlantError, match="another structure"):
+        reference.loop.run(reference.plant, reference.loop.controller(), begin, TICK)
+    plain = beginning(reference.plant, motion, TICK)
+    short = replace(plain, script=plain.script.rows(0, 5))
+    with pytest.raises(PlantError, match="the script is for 5 ticks, the reference for 10"):
+        reference.loop.run(reference.plant, reference.loop.controller(), short, TICK)
 
 
 @pytest.mark.parametrize("name", ["puma3", "puma3_fixed"])
