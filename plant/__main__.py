@@ -55,7 +55,7 @@ def _robot_for(name: str, values: int) -> Robot:
     if values == robot.joints:
         return robot
     wanted = f"{robot.joints} numbers"
-    if any(joint - 1 in robot.moving for joint in robot.links.wrist):
+    if any(joint - 1 in robot.moving for joint in robot.body.wrist):
         locked = load_robot(name, lock_wrist=True)
         if values == locked.joints:
             return locked
@@ -82,9 +82,8 @@ def _dynamics(arguments: argparse.Namespace, console: Console) -> int:
         print(json.dumps({"robot": robot.name} | arrays))
         return 0
     console.print(f"[bold]{robot.name}[/bold]: {escape(robot.description)}")
-    if len(q) < len(robot.links.chain):
-        locked = [x.name for i, x in enumerate(robot.links.chain) if i not in robot.moving]
-        console.print(f"locked at zero: {', '.join(locked)}")
+    if robot.locked_names:
+        console.print(f"locked at zero: {', '.join(robot.locked_names)}")
     console.print(
         _table(
             "M qdd + C qd + g = tau, friction left out",

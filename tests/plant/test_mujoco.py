@@ -104,7 +104,7 @@ def _made_up(convention: str) -> Robot:
     moving = (0, 1, 3, 4)
     return replace(
         load_robot("puma560_akb"),
-        links=links,
+        body=links,
         moving=moving,
         armature_kgm2=rng.uniform(0.1, 1.0, len(moving)),
     )
@@ -185,14 +185,15 @@ def _numbers(table: Any) -> Iterator[Keys]:
 
 def _with_one_number_larger(robot: Robot) -> Iterator[tuple[Keys, Robot]]:
     """Robots that differ from this one by 1 % of one number, and where that number stands."""
-    links = robot.links.model_dump()
+    assert isinstance(robot.body, LinksTable)
+    links = robot.body.model_dump()
     for keys in _numbers(links):
         changed = deepcopy(links)
         table: Any = changed
         for key in keys[:-1]:
             table = table[key]
         table[keys[-1]] *= 1.01
-        yield keys, replace(robot, links=LinksTable.model_validate(changed))
+        yield keys, replace(robot, body=LinksTable.model_validate(changed))
     for joint in range(robot.joints):
         armature = robot.armature_kgm2.copy()
         armature[joint] *= 1.01
