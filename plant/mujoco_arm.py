@@ -91,7 +91,10 @@ def mujoco_model(
 
 
 def _of_urdf(body: UrdfBody, robot: Robot) -> Any:
-    return mujoco.MjSpec.from_string(body.with_fixed(robot.moving))
+    spec = mujoco.MjSpec.from_string(body.with_fixed(robot.moving))
+    # Branches may stand in another order than Pinocchio's; the columns are in that one.
+    assert tuple(joint.name for joint in spec.joints) == robot.joint_names
+    return spec
 
 
 def _of_links(links: LinksTable, robot: Robot) -> Any:
