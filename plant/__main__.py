@@ -29,6 +29,7 @@ from plant.flight import Backend, fly
 from plant.model import build_model, dynamics
 from plant.native import BUILD, CompilerError
 from plant.pace import CONTROLLERS, measure
+from plant.propose import ProposalError, add_propose
 from plant.robot import FrictionName, Robot, RobotError, load_robot, robot_names
 from plant.scenario import read_scenario, scenario_names
 from plant.script import uneventful
@@ -58,7 +59,7 @@ def _robot_for(name: str, values: int) -> Robot:
     if values == robot.joints:
         return robot
     wanted = f"{robot.joints} numbers"
-    if any(joint - 1 in robot.moving for joint in robot.links.wrist):
+    if any(joint - 1 in robot.moving for joint in robot.body.wrist):
         locked = load_robot(name, lock_wrist=True)
         if values == locked.joints:
             return locked
@@ -85,9 +86,8 @@ def _dynamics(arguments: argparse.Namespace, console: Console) -> int:
         print(json.dumps({"robot": robot.name} | arrays))
         return 0
     console.print(f"[bold]{robot.name}[/bold]: {escape(robot.description)}")
-    if len(q) < len(robot.links.chain):
-        locked = [x.name for i, x in enumerate(robot.links.chain) if i not in robot.moving]
-        console.print(f"locked at zero: {', '.join(locked)}")
+    if robot.locked_names:
+        console.print(f"locked at zero: {', '.join(robot.locked_names)}")
     console.print(
         _table(
             "M qdd + C qd + g = tau, friction left out",
@@ -137,6 +137,7 @@ def _simulate(arguments: argparse.Namespace, console: Console) -> int:
         arguments.controller,
         experiment=arguments.experiment,
         robot=arguments.robot,
+        urdf=arguments.urdf,
         friction=arguments.friction,
         speed=arguments.speed,
         substep_s=arguments.substep,
@@ -157,6 +158,12 @@ def _simulate(arguments: argparse.Namespace, console: Console) -> int:
         "peak torque [N m]": "peak_torque_Nm",
         "RMS torque step [N m]": "rms_torque_step_Nm",
     }
+    if flight.proposed:
+        console.print(
+            f"{figures['robot']} names no controller: flown with the one to start from that "
+            f"`python -m plant propose {arguments.controller}` writes",
+            soft_wrap=True,
+        )
     columns_ = {title: np.array(figures[key]) for title, key in columns.items()}
     console.print(_table(what, figures["joint_names"], columns_))
     console.print(
@@ -321,13 +328,20 @@ def _add_simulate(commands: argparse._SubParsersAction[argparse.ArgumentParser])
         "same) and flies it along the robot's own trajectory.",
         epilog="example: python -m plant simulate controllers/puma3.toml --experiment Exp08 --json",
     )
-    parser.add_argument("controller", type=Path, help="a specification, controllers/NAME.toml")
+    parser.add_argument(
+        "controller",
+        type=Path,
+        metavar="file",
+        help="a specification, controllers/NAME.toml, or a robot file: with the controller that it "
+        "names, or the one that `propose` writes for it",
+    )
     parser.add_argument(
         "--experiment", help="gains of a row of Table II or of a special case instead of the file's"
     )
     parser.add_argument(
         "--robot", help="a robot's name or file; by the number of joints if not given"
     )
+    parser.add_argument("--urdf", type=Path, help="another URDF than that of the robot's file")
     parser.add_argument(
         "--friction",
         choices=get_args(FrictionName),
@@ -390,6 +404,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m plant", description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
     _add_simulate(commands)
+    add_propose(commands)
     _add_bench(commands)
     _add_campaign(commands)
     _add_dynamics(commands)
@@ -412,6 +427,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         LayoutError,
         ControllerError,
         CampaignError,
+        ProposalError,
     ) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

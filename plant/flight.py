@@ -9,12 +9,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from codegen.controller import Controller, load
+from codegen.controller import Controller, read, resolve
 from plant.assembly import PlantError, build_plant
 from plant.closed_loop import Events, Run, simulate
 from plant.compiled import loop as compiled
 from plant.controller import SATURATED, GeneratedController
-from plant.robot import FrictionName, Robot, load_robot
+from plant.propose import data_of, proposal
+from plant.robot import FrictionName, Robot, RobotError, load_robot, read_robot_file
 from plant.script import uneventful
 
 DEFAULT_ROBOTS = {3: "reference", 6: "puma560"}
@@ -37,12 +38,14 @@ class Flight:
         experiment: the law preset whose gains replaced the specification's, or None.
         robot: what was flown.
         run: what happened.
+        proposed: whether the specification is the robot's proposal, for want of its own.
     """
 
     specification: Controller
     experiment: str | None
     robot: Robot
     run: Run
+    proposed: bool = False
 
     def figures(self) -> dict[str, Any]:
         """The figures of merit as plain data; lists have one entry a joint."""
@@ -69,6 +72,7 @@ def fly(
     *,
     experiment: str | None = None,
     robot: str | None = None,
+    urdf: Path | None = None,
     friction: FrictionName | None = None,
     speed: float = 1.0,
     substep_s: float | None = None,
@@ -82,9 +86,11 @@ def fly(
     engineer would on the rig.
 
     Args:
-        path: the specification.
+        path: the specification, or a robot file: the specification is then the one that it names as
+            its controller, or :func:`plant.propose.proposal`.
         experiment: a law preset such as ``Exp08`` whose gains are set, or None.
         robot: a robot file's name or path; by default the one for this number of joints.
+        urdf: another URDF than that of the robot's file.
         friction: another friction model than the robot file's, with the file's parameters.
         speed: how many times as fast the trajectory is run.
         substep_s: longest step of the plant's integration [s]; the plant's own by default.
@@ -98,9 +104,8 @@ def fly(
         CompilerError: the C can't be compiled.
         ControllerError: the controller reported an error during the run.
     """
-    shipped = load(path)
-    tuned = load(path, experiment=experiment)
-    body = load_robot(robot if robot is not None else default_robot(shipped), friction=friction)
+    specified, body = _subjects(path, robot, urdf, friction)
+    shipped, tuned = specified.controller(), specified.controller(experiment)
     plant = build_plant(body)
     if body.trajectory is None:
         raise PlantError(f"robot {body.name} has no [trajectory]: add one to its file")
@@ -116,7 +121,40 @@ def fly(
         progress,
         events,
     )
-    return Flight(tuned, experiment, body, run)
+    return Flight(tuned, experiment, body, run, specified.proposed)
+
+
+@dataclass(frozen=True)
+class _Specified:
+    """A specification that may be tuned to an experiment."""
+
+    data: dict[str, Any]
+    source: str
+    proposed: bool = False
+
+    def controller(self, experiment: str | None = None) -> Controller:
+        return resolve(self.data, self.source, experiment=experiment)
+
+
+_ROBOT_KEYS = {"links", "urdf", "transmission", "based_on"}
+
+
+def _subjects(
+    path: Path, robot: str | None, urdf: Path | None, friction: FrictionName | None
+) -> tuple[_Specified, Robot]:
+    """The specification and the robot, one of which a file may leave open."""
+    data = read(path)
+    if not data.keys() & _ROBOT_KEYS:
+        specified = _Specified(data, str(path))
+        name = robot if robot is not None else default_robot(specified.controller())
+        return specified, load_robot(name, friction=friction, urdf=urdf)
+    if robot is not None:
+        raise RobotError(f"{path} is a robot file: give a specification with --robot, or leave it")
+    body = load_robot(path, friction=friction, urdf=urdf)
+    own = read_robot_file(path).controller
+    if own is not None:
+        return _Specified(read(Path(own)), own), body
+    return _Specified(data_of(proposal(body)), f"the proposal for {body.name}", True), body
 
 
 def default_robot(controller: Controller) -> str:

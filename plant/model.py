@@ -1,7 +1,8 @@
-"""Rigid-body dynamics: a Pinocchio model built from Denavit-Hartenberg links.
+"""Rigid-body dynamics: a Pinocchio model of a URDF or of Denavit-Hartenberg links.
 
-Pinocchio's frames stand at the joints. One link transform of either convention is therefore split
-at the joint's rotation into what comes before it and what comes after it:
+Pinocchio reads a URDF itself; of links, its model is built here. Pinocchio's frames stand at the
+joints. One link transform of either convention is therefore split at the joint's rotation into what
+comes before it and what comes after it:
 
     standard DH:   Rz(q) Tz(d) Tx(a) Rx(alpha)    nothing before,        Tz(d) Tx(a) Rx(alpha) after
     modified DH:   Rx(alpha) Tx(a) Rz(q) Tz(d)    Rx(alpha) Tx(a) before, Tz(d) after
@@ -17,7 +18,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from plant.robot import Link, Robot
+from plant.robot import Link, LinksTable, Robot, RobotError
+from plant.urdf import UrdfBody
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,15 +58,26 @@ def build_model(robot: Robot) -> pin.Model:
         robot: from :func:`plant.robot.load_robot`.
 
     Returns:
-        A model with ``armature`` set, gravity along -z of the base and a frame ``link_K`` for each
-        link K = 1, 2, ....
+        A model with ``armature`` set, gravity along -z of the base and a frame ``link_K`` for the
+        link that joint K = 1, 2, ... moves; locked joints count.
+
+    Raises:
+        RobotError: Pinocchio can't read the robot's URDF.
     """
-    model = pin.Model()
+    body = robot.body
+    model = _of_links(body, robot) if isinstance(body, LinksTable) else _of_urdf(body, robot)
     model.name = robot.name
-    model.gravity.linear = np.array([0.0, 0.0, -robot.links.gravity_m_per_s2])
+    model.gravity.linear = np.array([0.0, 0.0, -body.gravity_m_per_s2])
+    # rotorInertia and rotorGearRatio are stored by Pinocchio but enter neither rnea nor aba.
+    model.armature = robot.armature_kgm2
+    return model
+
+
+def _of_links(links: LinksTable, robot: Robot) -> pin.Model:
+    model = pin.Model()
     parent, placement = 0, pin.SE3.Identity()
-    for index, link in enumerate(robot.links.chain):
-        before, after = _around_joint(link, robot.links.convention)
+    for index, link in enumerate(links.chain):
+        before, after = _around_joint(link, links.convention)
         placement = placement * before
         if index in robot.moving:
             parent = model.addJoint(parent, pin.JointModelRZ(), placement, link.name)
@@ -75,8 +88,21 @@ def build_model(robot: Robot) -> pin.Model:
         )
         model.appendBodyToJoint(parent, inertia, placement)
         model.addFrame(pin.Frame(f"link_{index + 1}", parent, placement, pin.FrameType.BODY))
-    # rotorInertia and rotorGearRatio are stored by Pinocchio but enter neither rnea nor aba.
-    model.armature = robot.armature_kgm2
+    return model
+
+
+def _of_urdf(body: UrdfBody, robot: Robot) -> pin.Model:
+    try:
+        model = pin.buildModelFromXML(body.with_fixed(robot.moving))
+    except ValueError as error:
+        raise RobotError(f"{robot.name}: Pinocchio can't read its URDF: {error}") from error
+    # Columns of the robot file belong to the joints in the order of the chain.
+    assert tuple(model.names)[1:] == robot.joint_names
+    for index, joint in enumerate(body.chain):
+        frame = model.frames[model.getBodyId(joint.link)]
+        model.addFrame(
+            pin.Frame(f"link_{index + 1}", frame.parentJoint, frame.placement, pin.FrameType.BODY)
+        )
     return model
 
 
@@ -120,7 +146,7 @@ def link_placement(model: pin.Model, q: NDArray[np.float64], link: int) -> NDArr
     Args:
         model: from :func:`build_model`.
         q: joint positions [rad], shape (n,).
-        link: number of the link from 1, locked links included.
+        link: number of the link from 1, that of the joint that moves it; locked joints count.
     """
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)

@@ -1,9 +1,9 @@
 """The arm in MuJoCo, which shares no code with Pinocchio: for checks and for comparison.
 
-The model is built from the numbers of the robot files by a route of its own. Pinocchio has its
-frames at the joints, so ``plant.model`` moves the mass properties there. Here each body's frame is
-the link's own: mass properties enter as they are written, and it is the joint's axis that is
-expressed in the link's frame. A locked joint is a body without a joint.
+A URDF is read by MuJoCo's own reader. Of links, the model is built by a route of its own. Pinocchio
+has its frames at the joints, so ``plant.model`` moves the mass properties there. Here each body's
+frame is the link's own: mass properties enter as they are written, and it is the joint's axis that
+is expressed in the link's frame. A locked joint is a body without a joint.
 
 MuJoCo is installed for tests and benches only.
 """
@@ -17,7 +17,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.robot import InertiaTensor, Link, Robot
+from plant.robot import InertiaTensor, Link, LinksTable, Robot
+from plant.urdf import UrdfBody
 
 Floats = NDArray[np.float64]
 
@@ -72,19 +73,36 @@ def mujoco_model(
     Returns:
         A ``mujoco.MjModel``.
     """
-    spec = mujoco.MjSpec()
-    spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
-    spec.option.gravity = [0.0, 0.0, -robot.links.gravity_m_per_s2]
+    loss = np.zeros(robot.joints) if coulomb_Nm is None else coulomb_Nm
+    motors = [*zip(robot.armature_kgm2, loss, strict=True)]
+    body = robot.body
+    spec = _of_links(body, robot) if isinstance(body, LinksTable) else _of_urdf(body, robot)
+    for joint, (armature, frictionloss) in zip(spec.joints, motors, strict=True):
+        joint.armature, joint.frictionloss = armature, frictionloss
+        joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
+    spec.option.gravity = [0.0, 0.0, -body.gravity_m_per_s2]
     if fourth_order:
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
     spec.option.timestep = timestep_s
-    loss = np.zeros(robot.joints) if coulomb_Nm is None else coulomb_Nm
-    frictionloss = dict(zip(robot.moving, loss, strict=True))
-    armature = dict(zip(robot.moving, robot.armature_kgm2, strict=True))
-    principal = [_principal(link.inertia_kgm2) for link in robot.links.chain]
+    model = spec.compile()
+    if isinstance(body, LinksTable):
+        _write_inertia(model, body)
+    return model
+
+
+def _of_urdf(body: UrdfBody, robot: Robot) -> Any:
+    spec = mujoco.MjSpec.from_string(body.with_fixed(robot.moving))
+    # Branches may stand in another order than Pinocchio's; the columns are in that one.
+    assert tuple(joint.name for joint in spec.joints) == robot.joint_names
+    return spec
+
+
+def _of_links(links: LinksTable, robot: Robot) -> Any:
+    spec = mujoco.MjSpec()
+    spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
     body = spec.worldbody
-    for index, (link, (_, axes)) in enumerate(zip(robot.links.chain, principal, strict=True)):
-        placement = _placement(link, robot.links.convention)
+    for index, link in enumerate(links.chain):
+        placement = _placement(link, links.convention)
         half = np.deg2rad(link.alpha_deg) / 2
         body = body.add_body(
             name=f"link_{index + 1}",
@@ -94,20 +112,23 @@ def mujoco_model(
             mass=1.0,
             inertia=[1.0, 1.0, 1.0],
             ipos=link.center_of_mass_m,
-            iquat=axes,
+            iquat=_principal(link.inertia_kgm2)[1],
         )
-        if index in armature:
+        if index in robot.moving:
             body.add_joint(
                 type=mujoco.mjtJoint.mjJNT_HINGE,
                 axis=placement.joint_axis,
                 pos=placement.joint_position_m,
-                armature=armature[index],
-                frictionloss=frictionloss[index],
             )
-    model = spec.compile()
-    # MuJoCo's compiler refuses the published waist, which has an inertia about one axis and no
-    # mass: no body is like that. What it has compiled may be given such numbers.
-    model.body_mass[1:] = [link.mass_kg for link in robot.links.chain]
-    model.body_inertia[1:] = [moments for moments, _ in principal]
+    return spec
+
+
+def _write_inertia(model: Any, links: LinksTable) -> None:
+    """Gives a compiled model the links' mass properties.
+
+    MuJoCo's compiler refuses the published waist, which has an inertia about one axis and no mass:
+    no body is like that. What it has compiled may be given such numbers.
+    """
+    model.body_mass[1:] = [link.mass_kg for link in links.chain]
+    model.body_inertia[1:] = [_principal(link.inertia_kgm2)[0] for link in links.chain]
     mujoco.mj_setConst(model, mujoco.MjData(model))
-    return model

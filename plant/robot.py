@@ -1,8 +1,10 @@
 """Robot files: what a simulated robot is made of, every number with its source.
 
-A robot file (``plant/robots/NAME.toml``) has one table for each part of the plant. A column such
-as ``gear_ratio`` holds one value for each joint that the file does not lock, or one value for all.
-Units are in the names of the keys; angles are in degrees where people write them.
+A robot file (``plant/robots/NAME.toml``) has one table for each part of the plant. Its rigid bodies
+are Denavit-Hartenberg links (``[links]``) or a URDF (``[urdf]``). A column such as ``gear_ratio``
+holds one value for each joint that the file does not lock, or one value for all. Units are in the
+names of the keys; angles are in degrees where people write them. What a file does not give is taken
+from the robot that it is ``based_on``.
 """
 
 from __future__ import annotations
@@ -38,6 +40,7 @@ from plant.friction import (
     StribeckCurve,
 )
 from plant.trajectory import RestToRest, to_and_fro
+from plant.urdf import TURNING, UrdfBody, UrdfError, UrdfJoint, package_file, read_urdf
 
 ROBOTS = Path(__file__).parent / "robots"
 
@@ -46,7 +49,8 @@ Positive = Annotated[FiniteFloat, Field(gt=0)]
 NotNegative = Annotated[FiniteFloat, Field(ge=0)]
 Vector = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
 Pair = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)]
-JointNumbers = list[Annotated[int, Field(ge=1)]]
+JointNumber = Annotated[int, Field(ge=1)]
+JointNumbers = list[JointNumber]
 Side = Literal["motor", "joint"]
 FrictionName = Literal["lugre", "coulomb-stribeck"]
 
@@ -105,6 +109,19 @@ class LinksTable(_SourcedTable):
     gravity_m_per_s2: NotNegative
     wrist: JointNumbers = []
     chain: Annotated[list[Link], Field(min_length=1)]
+
+
+class UrdfTable(_SourcedTable):
+    """``[urdf]``: the rigid bodies, as a URDF file describes them; it need not have meshes.
+
+    ``file`` is seen from the robot file's folder; with ``package``, an installed Python package,
+    it is the end of the path of one of that package's files.
+    """
+
+    package: Source | None = None
+    file: Source | None = None
+    gravity_m_per_s2: NotNegative
+    wrist: JointNumbers = []
 
 
 class TransmissionTable(_SourcedTable):
@@ -205,10 +222,12 @@ class RobotFile(_Table):
     """A robot file as it is written."""
 
     description: Source
-    links_from: str | None = None
-    locked: JointNumbers = []
+    based_on: Source | None = None
+    controller: Source | None = None
+    locked: list[JointNumber | Source] = []
     links: LinksTable | None = None
-    transmission: TransmissionTable
+    urdf: UrdfTable | None = None
+    transmission: TransmissionTable | None = None
     flexibility: FlexibilityTable | None = None
     friction: FrictionTable | None = None
     encoder: EncoderTable | None = None
@@ -216,10 +235,20 @@ class RobotFile(_Table):
     trajectory: TrajectoryTable | None = None
 
     @model_validator(mode="after")
-    def _one_origin_of_links(self) -> RobotFile:
-        if (self.links is None) == (self.links_from is None):
-            raise ValueError("give either the table [links] or links_from, the robot to take them")
+    def _complete(self) -> RobotFile:
+        if self.links is not None and self.urdf is not None:
+            raise ValueError("give one of the tables [links] and [urdf], not both")
+        if self.based_on is not None:
+            return self
+        if self.links is None and self.urdf is None:
+            raise ValueError("give the table [links] or [urdf], or based_on, a robot that has one")
+        if self.transmission is None:
+            raise ValueError("give the table [transmission], or based_on, a robot that has one")
         return self
+
+
+Body = LinksTable | UrdfBody
+"""The rigid bodies: both have a ``chain`` of joints with name and range, gravity and a wrist."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,8 +260,8 @@ class Robot:
     Attributes:
         name: the robot file's name.
         description: one line.
-        links: the links and their conventions, locked ones too.
-        moving: indices (from 0) into ``links.chain`` of the joints that move.
+        body: the rigid bodies, with the joints that are locked, too.
+        moving: indices (from 0) into ``chain`` of the joints that move.
         gear_ratio: motor turns per joint turn; negative where they turn against each other.
         armature_kgm2: motor inertia at the joint, gear_ratio^2 x motor inertia.
         flexibility: None where joints are rigid.
@@ -245,7 +274,7 @@ class Robot:
 
     name: str
     description: str
-    links: LinksTable
+    body: Body
     moving: tuple[int, ...]
     gear_ratio: NDArray[np.float64]
     armature_kgm2: NDArray[np.float64]
@@ -262,9 +291,19 @@ class Robot:
         return len(self.moving)
 
     @property
+    def chain(self) -> Sequence[Link | UrdfJoint]:
+        """The joints from the base, locked ones too."""
+        return self.body.chain
+
+    @property
     def joint_names(self) -> tuple[str, ...]:
         """Names of the moving joints."""
-        return tuple(self.links.chain[i].name for i in self.moving)
+        return tuple(self.chain[i].name for i in self.moving)
+
+    @property
+    def locked_names(self) -> tuple[str, ...]:
+        """Names of the locked joints."""
+        return tuple(x.name for i, x in enumerate(self.chain) if i not in self.moving)
 
 
 def robot_names() -> list[str]:
@@ -272,8 +311,8 @@ def robot_names() -> list[str]:
     return sorted(path.stem for path in ROBOTS.glob("*.toml"))
 
 
-def _path(robot: str | Path) -> Path:
-    path = Path(robot)
+def _path(robot: str | Path, folder: Path = Path()) -> Path:
+    path = folder / robot
     if path.suffix == ".toml":
         if not path.is_file():
             raise RobotError(f"no robot file {path}")
@@ -287,11 +326,39 @@ def _path(robot: str | Path) -> Path:
 
 
 def read_robot_file(path: Path) -> RobotFile:
-    """Reads and validates one robot file.
+    """Reads and validates one robot file; what it doesn't give is that of what it is based on.
+
+    Names of other files in it are seen from the current folder.
 
     Raises:
         RobotError: it is no TOML or breaks a rule; all broken rules are listed.
     """
+    return _read(path, ())
+
+
+def _read(path: Path, variants: tuple[Path, ...]) -> RobotFile:
+    """A file that is the base of these variants, each based on the next."""
+    own = _from_here(_as_written(path), path.parent)
+    if own.based_on is None:
+        return own
+    base_path = _path_of_base(path, own.based_on)
+    if base_path.resolve() in (variant.resolve() for variant in (*variants, path)):
+        raise RobotError(f"{path.name}: based_on: {own.based_on} is based on {path.stem} itself")
+    base, given = _read(base_path, (*variants, path)), own.model_fields_set
+    bodies = {"links", "urdf"}
+    known = given | bodies if given & bodies else given
+    taken = {key: getattr(base, key) for key in RobotFile.model_fields if key not in known}
+    return own.model_copy(update=taken)
+
+
+def _path_of_base(path: Path, base: str) -> Path:
+    try:
+        return _path(base, path.parent)
+    except RobotError as error:
+        raise RobotError(f"{path.name}: based_on: {error}") from error
+
+
+def _as_written(path: Path) -> RobotFile:
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except tomllib.TOMLDecodeError as error:
@@ -307,15 +374,30 @@ def read_robot_file(path: Path) -> RobotFile:
         raise RobotError("\n".join(lines)) from error
 
 
+def _from_here(file: RobotFile, folder: Path) -> RobotFile:
+    """The file with the names of other files as the current folder sees them."""
+    update: dict[str, object] = {}
+    if file.controller is not None:
+        update["controller"] = str(folder / file.controller)
+    if file.urdf is not None and file.urdf.file is not None and file.urdf.package is None:
+        update["urdf"] = file.urdf.model_copy(update={"file": str(folder / file.urdf.file)})
+    return file.model_copy(update=update)
+
+
 def load_robot(
-    robot: str | Path, *, lock_wrist: bool = False, friction: FrictionName | None = None
+    robot: str | Path,
+    *,
+    lock_wrist: bool = False,
+    friction: FrictionName | None = None,
+    urdf: Path | None = None,
 ) -> Robot:
     """The robot of a file.
 
     Args:
         robot: a name of :func:`robot_names`, or the path of a ``.toml`` file.
-        lock_wrist: locks the joints that the links call their wrist, at zero.
+        lock_wrist: locks the joints that the file calls the wrist, at zero.
         friction: another friction model than the file's, with the file's parameters.
+        urdf: another URDF than the file's.
 
     Raises:
         RobotError: unknown name or a file that cannot be used.
@@ -323,19 +405,34 @@ def load_robot(
     path = _path(robot)
     file = read_robot_file(path)
     try:
-        return _resolve(path.stem, file, lock_wrist, friction)
-    except RobotError as error:
+        return _resolve(path.stem, file, _body(file, urdf), lock_wrist, friction)
+    except (RobotError, UrdfError) as error:
         raise RobotError(f"{path.name}: {error}") from error
 
 
-def _links(file: RobotFile) -> LinksTable:
+def _body(file: RobotFile, urdf: Path | None) -> Body:
     if file.links is not None:
+        if urdf is not None:
+            raise RobotError("has [links]: only the URDF of a file with [urdf] can be replaced")
         return file.links
-    assert file.links_from is not None  # the validator's rule
-    links = read_robot_file(_path(file.links_from)).links
-    if links is None:
-        raise RobotError(f"links_from: {file.links_from} has no [links] of its own")
-    return links
+    table = file.urdf
+    assert table is not None  # the validator's rule
+    if urdf is None and table.file is None:
+        raise RobotError("urdf.file: name the URDF here, or with --urdf")
+    if urdf is None and table.package is not None:
+        urdf = package_file(table.package, str(table.file))
+    return read_urdf(urdf or Path(str(table.file)), table.gravity_m_per_s2, table.wrist)
+
+
+def _numbers(key: str, joints: Sequence[int | str], names: Sequence[str]) -> list[int]:
+    """The numbers of joints that are given by number or by name."""
+    unknown = [j for j in joints if (j > len(names) if isinstance(j, int) else j not in names)]
+    if unknown:
+        raise RobotError(
+            f"{key}: there are no joints {unknown} to lock, only 1 to {len(names)}: "
+            f"{', '.join(names)}"
+        )
+    return [j if isinstance(j, int) else names.index(j) + 1 for j in joints]
 
 
 @dataclass(frozen=True)
@@ -361,23 +458,23 @@ class _Columns:
 
 
 def _resolve(
-    name: str, file: RobotFile, lock_wrist: bool, friction_name: FrictionName | None
+    name: str, file: RobotFile, body: Body, lock_wrist: bool, friction_name: FrictionName | None
 ) -> Robot:
-    links = _links(file)
-    count = len(links.chain)
-    wrist = [*links.wrist] if lock_wrist else []
+    chain: Sequence[Link | UrdfJoint] = body.chain
+    names = [joint.name for joint in chain]
+    locked, wrist = _numbers("locked", file.locked, names), _numbers("wrist", body.wrist, names)
     if lock_wrist and not wrist:
-        raise RobotError("the links name no wrist to lock")
-    if unknown := [j for j in [*file.locked, *links.wrist] if j > count]:
-        raise RobotError(f"there are no joints {unknown} to lock, only 1 to {count}")
-    in_file = [i for i in range(count) if i + 1 not in file.locked]
-    moving = [i for i in in_file if i + 1 not in wrist]
+        raise RobotError("the file names no wrist to lock")
+    in_file = [i for i in range(len(names)) if i + 1 not in locked]
+    moving = [i for i in in_file if not (lock_wrist and i + 1 in wrist)]
     if not moving:
         raise RobotError("all joints are locked")
+    _check_joints(body, moving, file.trajectory is not None)
     columns = _Columns(len(in_file), tuple(in_file.index(i) for i in moving))
 
     friction, encoder, drive, trajectory = file.friction, file.encoder, file.drive, file.trajectory
     transmission = file.transmission
+    assert transmission is not None  # the validator's rule
     gear_ratio = columns.pick("transmission.gear_ratio", transmission.gear_ratio)
     if not np.all(gear_ratio):
         raise RobotError("transmission.gear_ratio must not be 0")
@@ -385,7 +482,7 @@ def _resolve(
     return Robot(
         name=name,
         description=file.description,
-        links=links,
+        body=body,
         moving=tuple(moving),
         gear_ratio=gear_ratio,
         armature_kgm2=gear_ratio**2 * motor_inertia,
@@ -393,11 +490,26 @@ def _resolve(
         friction=_friction(friction, columns, gear_ratio, friction_name) if friction else None,
         encoder=_encoder(encoder, columns, gear_ratio) if encoder else None,
         drive=_drive(drive, columns, gear_ratio) if drive else None,
-        trajectory=_trajectory(trajectory, columns, [links.chain[i] for i in moving])
+        trajectory=_trajectory(trajectory, columns, [chain[i] for i in moving])
         if trajectory
         else None,
-        sources=_sources("", file) + (() if file.links else (("links", links.source),)),
+        sources=_sources("", file),
     )
+
+
+def _check_joints(body: Body, moving: Sequence[int], planned: bool) -> None:
+    """A URDF may have joints that no drive of one torque can move."""
+    if not isinstance(body, UrdfBody):
+        return
+    for joint in (body.chain[i] for i in moving):
+        fix = f'lock it with locked = ["{joint.name}"]'
+        if joint.problem is not None:
+            raise RobotError(f"joint {joint.name} {joint.problem}: {fix}")
+        if planned and joint.kind not in TURNING:
+            raise RobotError(
+                f"joint {joint.name} slides, but [trajectory] and controllers are of joints that "
+                f"turn: {fix}, or leave [trajectory] out"
+            )
 
 
 def _sources(prefix: str, table: _Table) -> tuple[tuple[str, str], ...]:
@@ -482,7 +594,9 @@ def _drive(table: DriveTable, columns: _Columns, gear_ratio: NDArray[np.float64]
     return Drive(at_joint, delay=float(table.delay), bandwidth_Hz=bandwidth)
 
 
-def _trajectory(table: TrajectoryTable, columns: _Columns, links: Sequence[Link]) -> RestToRest:
+def _trajectory(
+    table: TrajectoryTable, columns: _Columns, joints: Sequence[Link | UrdfJoint]
+) -> RestToRest:
     motion = to_and_fro(
         start_rad=np.deg2rad(columns.pick("trajectory.start_deg", table.start_deg)),
         amplitude_rad=np.deg2rad(columns.pick("trajectory.amplitude_deg", table.amplitude_deg)),
@@ -491,10 +605,10 @@ def _trajectory(table: TrajectoryTable, columns: _Columns, links: Sequence[Link]
     )
     lowest = np.rad2deg(motion.postures_rad.min(axis=0))
     highest = np.rad2deg(motion.postures_rad.max(axis=0))
-    for link, low, high in zip(links, lowest, highest, strict=True):
-        if link.range_deg and not link.range_deg[0] <= low <= high <= link.range_deg[1]:
+    for joint, low, high in zip(joints, lowest, highest, strict=True):
+        if joint.range_deg and not joint.range_deg[0] <= low <= high <= joint.range_deg[1]:
             raise RobotError(
-                f"trajectory takes the {link.name} from {low:g} to {high:g} deg, "
-                f"its range is {link.range_deg[0]:g} to {link.range_deg[1]:g} deg"
+                f"trajectory takes the {joint.name} from {low:g} to {high:g} deg, "
+                f"its range is {joint.range_deg[0]:g} to {joint.range_deg[1]:g} deg"
             )
     return motion

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,15 @@ from plant.controller import SATURATED, GeneratedController
 from plant.flight import check_encoders, default_robot
 from plant.friction import LuGre
 from plant.native import c_files, shared_library, sources_of
-from plant.robot import ROBOTS, FrictionName, Robot, load_robot, read_robot_file
+from plant.robot import (
+    ROBOTS,
+    Body,
+    FrictionName,
+    LinksTable,
+    Robot,
+    load_robot,
+    read_robot_file,
+)
 from plant.trajectory import RestToRest
 
 Row = dict[str, Any]
@@ -107,8 +115,8 @@ def prepare(specification: CampaignSpecification, folder: Path) -> Campaign:
     parts = {
         "specification": specification.model_dump(mode="json", exclude={"plants": {"count"}}),
         "gain_sets": {name: gains.canonical() for name, gains in gain_sets.items()},
-        "robot": read_robot_file(file).model_dump(mode="json"),
-        "links": next(iter(robots.values())).links.model_dump(mode="json"),
+        "robot": read_robot_file(file).model_dump(mode="json", exclude={"controller", "urdf"}),
+        "body": _plain(next(iter(robots.values())).body),
     }
     return Campaign(
         inputs_sha256=hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest(),
@@ -120,6 +128,11 @@ def prepare(specification: CampaignSpecification, folder: Path) -> Campaign:
         robots=robots,
         sources=sources,
     )
+
+
+def _plain(body: Body) -> dict[str, Any]:
+    """The rigid bodies as plain data: a URDF by what it says, wherever the file is."""
+    return body.model_dump(mode="json") if isinstance(body, LinksTable) else asdict(body)
 
 
 def _sha256(files: dict[str, bytes]) -> str:
@@ -158,10 +171,10 @@ def _check_amplitude(robot: Robot, specification: CampaignSpecification) -> None
         raise PlantError(f"robot {robot.name} stands still: there is no amplitude to change")
     reached = np.rad2deg(plants.scaled(_motion(robot), ends[1]).postures_rad)
     for index, low, high in zip(robot.moving, reached.min(0), reached.max(0), strict=True):
-        link = robot.links.chain[index]
-        if link.range_deg and not link.range_deg[0] <= low <= high <= link.range_deg[1]:
-            within = f"{link.range_deg[0]:g} to {link.range_deg[1]:g} deg"
-            rule = f"the {link.name} stays within {within}; it gets from {low:g} to {high:g} deg"
+        joint = robot.chain[index]
+        if joint.range_deg and not joint.range_deg[0] <= low <= high <= joint.range_deg[1]:
+            within = f"{joint.range_deg[0]:g} to {joint.range_deg[1]:g} deg"
+            rule = f"the {joint.name} stays within {within}; it gets from {low:g} to {high:g} deg"
             fix = "write a smaller upper end"
             problem = Problem("plants.amplitude_deg", str(list(ends)), rule, fix)
             raise SpecificationError("the campaign", [problem])

@@ -127,6 +127,15 @@ def test_inertia_bias_and_acceleration_are_those_of_pinocchio(puma: Case) -> Non
     _assert_terms(model, (q, qd, torque), _c(TERMS, puma.loop)(q.T, qd.T, torque.T, given))
 
 
+@pytest.mark.parametrize("name", ["ur5", "panda", "z1"])
+def test_terms_of_a_urdf_are_those_of_pinocchio(name: str) -> None:
+    plant = build_plant(load_robot(name))
+    q, qd, _, torque = _random(plant.joints, 200)
+    given = np.tile(numbers(plant)[:, np.newaxis], 200)
+    terms = [np.array(x) for x in terms_function(structure(plant))(q.T, qd.T, torque.T, given)]
+    _assert_terms(plant.model, (q, qd, torque), terms)
+
+
 def _assert_terms(model: pin.Model, states: tuple[Floats, ...], terms: list[Floats]) -> None:
     (M, nle, qdd), data, n = terms, model.createData(), model.nv
     for k, (q, qd, torque) in enumerate(zip(*states, strict=True)):

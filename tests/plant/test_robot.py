@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from plant.friction import CoulombStribeck, LuGre
-from plant.robot import ROBOTS, RobotError, load_robot, robot_names
+from plant.robot import ROBOTS, LinksTable, RobotError, load_robot, robot_names
 
 REFERENCE = (ROBOTS / "reference.toml").read_text(encoding="utf-8")
 
@@ -26,8 +26,8 @@ def _edited(folder: Path, before: str, after: str) -> Path:
     return _written(folder, REFERENCE.replace(before, after))
 
 
-def test_there_are_the_three_robots() -> None:
-    assert robot_names() == ["puma560", "puma560_akb", "reference"]
+def test_there_are_the_robots() -> None:
+    assert robot_names() == ["panda", "puma560", "puma560_akb", "reference", "ur5", "z1"]
     for name in robot_names():
         robot = load_robot(name)
         assert robot.name == name
@@ -39,7 +39,8 @@ def test_puma560_is_the_published_one(published: dict[str, Any], lock_wrist: boo
     robot = load_robot("puma560", lock_wrist=lock_wrist)
     n = 3 if lock_wrist else 6
     assert robot.joints == n
-    for link, expected in zip(robot.links.chain, published["links"], strict=True):
+    assert isinstance(robot.body, LinksTable)
+    for link, expected in zip(robot.body.chain, published["links"], strict=True):
         assert link.a_m == expected["a"]
         assert link.d_m == pytest.approx(expected["d"], abs=1e-15)
         assert np.deg2rad(link.alpha_deg) == expected["alpha"]
@@ -53,9 +54,9 @@ def test_puma560_is_the_published_one(published: dict[str, Any], lock_wrist: boo
 
 def test_reference_takes_its_links_from_another_robot() -> None:
     reference, akb = load_robot("reference"), load_robot("puma560_akb")
-    assert reference.links == akb.links
+    assert reference.body == akb.body
     assert reference.joint_names == ("waist", "shoulder", "elbow")
-    assert "links_from" in REFERENCE
+    assert "based_on" in REFERENCE
     assert "mass_kg" not in REFERENCE
 
 
@@ -111,9 +112,9 @@ def test_unknown_robot_names_the_nearest() -> None:
         ('source = "chosen"', "", "friction.regularisation.source: Field required"),
         ("locked = [4, 5, 6]", "locked = [4, 5, 7]", r"no joints \[7\]"),
         ("locked = [4, 5, 6]", "locked = [1, 2, 3, 4, 5, 6]", "all joints are locked"),
-        ('links_from = "puma560_akb"', 'links_from = "puma561"', "unknown robot 'puma561'"),
-        ('links_from = "puma560_akb"', 'links_from = "reference"', "no .links. of its own"),
-        ('links_from = "puma560_akb"', "", "give either the table"),
+        ('based_on = "puma560_akb"', 'based_on = "puma561"', "unknown robot 'puma561'"),
+        ('based_on = "puma560_akb"', 'based_on = "mine.toml"', "mine.toml is based on mine itself"),
+        ('based_on = "puma560_akb"', "", "give the table .links. or .urdf."),
         ('model = "lugre"', 'model = "dahl"', "friction.model: .*lugre"),
         ("[transmission]", "[transmission", "no valid TOML"),
     ],
