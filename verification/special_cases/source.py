@@ -34,7 +34,8 @@ def check(controller: Controller) -> None:
     if controller.arithmetic.kind != "floating-point" or controller.options != LawOptions():
         raise PlantError(
             f"controller {controller.name} isn't the paper's law in floating-point: the special "
-            "cases are written for reference-rate, current acceleration, no low-pass, no report"
+            "cases need reference-rate, current acceleration, no low-pass, no torque report; name "
+            "another one with --controller, such as puma3"
         )
 
 
