@@ -82,6 +82,11 @@ pil: setup
 accuracy: setup
 	@$(run) -m verification accuracy
 
+## Hsia, Jin, sliding modes, MFC: each written by itself, has it the bits of the inclusive C?
+.PHONY: special-cases
+special-cases: setup
+	@$(run) -m verification special-cases
+
 ## The law exact, in double, in C on the host and on each emulated board, a million steps on each
 .PHONY: chain
 chain: setup

@@ -43,6 +43,8 @@ from verification.paper import table_2
 from verification.report.content import Results
 from verification.report.page import write
 from verification.report.processor import found
+from verification.special_cases import present as special
+from verification.special_cases.laws import CASES
 from verification.symbolic import Proof, all_proofs
 
 REPORT = BUILD / "report"
@@ -193,6 +195,22 @@ def _chain(arguments: argparse.Namespace, console: Console, progress: Console) -
     return 0 if result.holds else 1
 
 
+def _special_cases(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
+    names = arguments.controller or special.NAMES
+    with _bar(progress, "special cases", len(names) * len(CASES)) as advance:
+        result = special.examine(names, arguments.ticks, advance=advance)
+    if not arguments.json:
+        console.print(special.table_of(result))
+        console.print()
+        console.print(special.roundings_of(result))
+        for note in special.notes(result):
+            console.print(note, markup=False)
+        for failure in special.failures(result):
+            console.print(failure, style="red", markup=False)
+    _leave(special.figures(result), "special_cases", arguments.json, console)
+    return 0 if result.holds else 1
+
+
 def _experiments(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
     with _bar(progress, "closed loops", len(ALL)) as advance:
         outcomes = conduct_all(advance=lambda _: advance(1))
@@ -339,6 +357,11 @@ def _parser() -> argparse.ArgumentParser:
         "--controller", action="append", metavar="NAME", help="of controllers/; again for more"
     )
     with_json(linked)
+
+    says = "each special case of the law, written by itself, against the inclusive C: the bits"
+    cases = command("special-cases", _special_cases, says)
+    special.add_arguments(cases)
+    with_json(cases)
 
     says = "Table II flown in float32, float64 and fixed-point, several times each"
     accuracy = command("accuracy", _accuracy, says)

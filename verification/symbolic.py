@@ -1,4 +1,4 @@
-"""Proofs in SymPy: the paper's closed loop (32), its sampled form, and the low-pass (44).
+"""Proofs in SymPy: the paper's closed loop (32), its sampled form, and what (31) includes.
 
 The joints are decoupled by the diagonal gains, so that one joint with arbitrary symbols stands
 for all: every coupling between joints is inside N(t). ``sig`` is an undefined function wherever
@@ -149,9 +149,10 @@ def _equals(left: Expr, right: Expr) -> str:
     return f"{show(left)} = {show(right)}"
 
 
-def _conclude(
+def conclude(
     name: str, equation: str, statement: str, steps: tuple[Step, ...], residual: Expr
 ) -> Proof:
+    """A proof whose residual SymPy simplifies; it holds where nothing remains."""
     simplified = sp.simplify(sp.expand(residual))
     return Proof(name, equation, statement, steps, show(simplified), bool(simplified == 0))
 
@@ -219,7 +220,7 @@ def closed_loop(law: Callable[[Expr], Expr] = inclusive_law) -> Proof:
         Step("(32)", "Everything put in", "ṡ(t) + λ sig(s(t))^γ = " + show(sp.expand(left))),
         Step("(32)", "which is", f"ε(t) = {show(tde_error(t))}"),
     )
-    return _conclude(
+    return conclude(
         "closed_loop",
         "(32)",
         "The inclusive law on the robot gives ṡ + λ sig(s)^γ = ε, for every sig, every "
@@ -244,7 +245,7 @@ def ideal_velocity() -> Proof:
         Step("(26)", "The sliding variable changes by", _equals(s(t).diff(t), s_rate)),
         Step("(30)", "which is q̈_ideal - q̈, and s(0) = 0", "s(t) = q̇_ideal(t) - q̇(t)"),
     )
-    return _conclude(
+    return conclude(
         "ideal_velocity",
         "(30)",
         "s is the ideal velocity minus the velocity of the robot.",
@@ -275,12 +276,104 @@ def low_pass_is_a_smaller_inertia(
         Step("(44)", "Put in", f"τ = {show(sp.collect(sp.simplify(torque), M))}"),
         Step("(44)", "is the law with a smaller inertia", f"τ = {show(smaller)}"),
     )
-    return _conclude(
+    return conclude(
         "low_pass",
         "(44)",
         "The low-pass on the torque is the unfiltered law with M̄ ω'/(1+ω') in place of M̄.",
         steps,
         torque - smaller,
+    )
+
+
+def model_free_law(time: Expr, sigma: Expr, k_i: Expr) -> Expr:
+    """The torque of model-free control (61) with nu = 2.
+
+    phi is F of the ultralocal model (60), qdd = F + sigma tau, estimated from one delay ago.
+    """
+    x = sp.Symbol("x", real=True)
+    linear = KD * e(time).diff(time) + KP * e(time) + k_i * sp.Integral(e(x), (x, 0, time))
+    return -(ultralocal_rest(time - L, sigma) - qdd_d(time) - linear) / sigma
+
+
+def ultralocal_rest(time: Expr, sigma: Expr) -> Expr:
+    """F of the ultralocal model (60) with nu = 2: what sigma tau lacks of qdd."""
+    return qdd(time) - sigma * tau(time)
+
+
+def hsia_law(time: Expr) -> Expr:
+    """The torque of Hsia's law (9)(10)."""
+    u_h = qdd_d(time) + KD * e(time).diff(time) + KP * e(time)
+    return M * u_h + estimate(time)
+
+
+_SIGMA, _K_I = sp.symbols("σ K_I", positive=True)
+ModelFreeLaw: TypeAlias = Callable[[Expr, Expr, Expr], Expr]
+"""Time, sigma and K_I to the torque."""
+
+
+def model_free_is_hsia(law: ModelFreeLaw = model_free_law) -> Proof:
+    """(61) with nu = 2, K_I = 0 and sigma = 1/Mbar is Hsia's law (9)(10).
+
+    Args:
+        law: another one than (61) must not pass.
+    """
+    torque = law(t, 1 / M, sp.Integer(0))
+    rest = ultralocal_rest(t - L, _SIGMA)
+    steps = (
+        Step("(60)", "The ultralocal model, ν = 2", "q̈(t) = F(t) + σ τ(t)"),
+        Step("(60)", "estimates F from one delay ago", f"φ(t) = {show(rest)}"),
+        Step("(61)", "The law", _equals(tau(t), law(t, _SIGMA, _K_I))),
+        Step("(61)", "with K_I = 0 and σ = 1/M̄", _equals(tau(t), torque)),
+        Step("(9)(10)", "is Hsia's", _equals(tau(t), hsia_law(t))),
+    )
+    return conclude(
+        "model_free_is_hsia",
+        "(61)",
+        "Model-free control with ν = 2, K_I = 0, σ = 1/M̄ and φ from the delayed sample is Hsia's "
+        "time delay control.",
+        steps,
+        torque - hsia_law(t),
+    )
+
+
+def model_free_closed_loop(law: ModelFreeLaw = model_free_law) -> Proof:
+    """(61) on the robot gives (62), whose right side phi - F is eps (11) for sigma = 1/Mbar.
+
+    Args:
+        law: another one than (61) must not pass.
+    """
+    x = sp.Symbol("x", real=True)
+    at = ultralocal_rest(t, _SIGMA), ultralocal_rest(t - L, _SIGMA)
+    acceleration = sp.Function("F")(t) + _SIGMA * law(t, _SIGMA, _K_I)
+    left = (
+        (qdd_d(t) - acceleration)
+        + KD * e(t).diff(t)
+        + KP * e(t)
+        + _K_I * sp.Integral(e(x), (x, 0, t))
+    )
+    rest = at[1] - sp.Function("F")(t)
+    # On the robot (2), tau = Mbar qdd + N, at both times.
+    on_robot = {tau(time): robot_torque(time) for time in (t, t - L)}
+    error = (at[1] - at[0]).subs(on_robot).subs(_SIGMA, 1 / M)
+    steps = (
+        Step("(60)", "The robot moves with", "q̈(t) = F(t) + σ τ(t)"),
+        Step("(61)", "under the law", _equals(tau(t), law(t, _SIGMA, _K_I))),
+        Step(
+            "(62)",
+            "so that",
+            f"ë(t) + K_D ė(t) + K_P e(t) + K_I ∫[0, t] (e(x)) dx = {show(sp.expand(left))}",
+        ),
+        Step("(62)", "which is, with φ from one delay ago,", f"φ(t) - F(t) = {show(rest)}"),
+        Step("(2)", "For σ = 1/M̄ and the robot at both times it is", show(sp.expand(error))),
+        Step("(11)", "the error of time delay estimation", f"ε(t) = {show(tde_error(t))}"),
+    )
+    return conclude(
+        "model_free_closed_loop",
+        "(62)",
+        "Model-free control gives ë + K_D ė + K_P e + K_I ∫e = φ - F, for every σ and K_I; for "
+        "σ = 1/M̄ its right side is ε of time delay control.",
+        steps,
+        sp.Abs(sp.simplify(sp.expand(left - rest))) + sp.Abs(sp.simplify(error - tde_error(t))),
     )
 
 
@@ -350,11 +443,14 @@ _SIGNAL_VALUES = {
     "last_acceleration": _LAST_QDD,
 }
 
+LAW_SYMBOLS: Mapping[str, Expr] = {**_GAIN_VALUES, **_SIGNAL_VALUES}
+"""The symbol of each gain and signal of the generator's law, by its name there."""
+
 
 def code_is_the_paper(law: LawFunction | None = None) -> Proof:
     """Every quantity of the generator's law equals the paper's equation that it names."""
     function = law or torque_law(LawOptions(low_pass=True))
-    code = law_in_sympy(function, {**_GAIN_VALUES, **_SIGNAL_VALUES})
+    code = law_in_sympy(function, LAW_SYMBOLS)
     damping = KD * sig(_ED, ALPHA)
     stiffness = KP * sig(_E, BETA)
     sliding = _ED + _INTEGRAL
@@ -386,7 +482,7 @@ def code_is_the_paper(law: LawFunction | None = None) -> Proof:
         sp.Integer(0),
     )
     missing = sorted(paper.keys() - code.keys())
-    proof = _conclude(
+    proof = conclude(
         "code_is_the_paper",
         "(31)",
         "The expression graph that the C is printed from is the paper's law, quantity by "
@@ -401,9 +497,8 @@ def code_is_the_paper(law: LawFunction | None = None) -> Proof:
 
 def code_low_pass() -> Proof:
     """The generator's low-pass law equals its unfiltered law with a smaller inertia (44)."""
-    values = {**_GAIN_VALUES, **_SIGNAL_VALUES}
-    filtered = law_in_sympy(torque_law(LawOptions(low_pass=True)), values)["filtered_torque"]
-    smaller = law_in_sympy(torque_law(LawOptions()), {**values, "inertia": M * _RATIO})
+    filtered = law_in_sympy(torque_law(LawOptions(low_pass=True)), LAW_SYMBOLS)["filtered_torque"]
+    smaller = law_in_sympy(torque_law(LawOptions()), {**LAW_SYMBOLS, "inertia": M * _RATIO})
     steps = (
         Step("(43)", "The generator's filtered torque", f"τ = {show(filtered)}"),
         Step(
@@ -412,12 +507,30 @@ def code_low_pass() -> Proof:
             f"τ = {show(smaller['control_torque'])}",
         ),
     )
-    return _conclude(
+    return conclude(
         "code_low_pass",
         "(44)",
         "In the generator's law, too, the low-pass is nothing but a smaller M̄.",
         steps,
         filtered - smaller["control_torque"],
+    )
+
+
+def with_fixed_gains(expression: Expr, preset: LawPreset) -> Expr:
+    """An expression with the gains that a preset fixes."""
+    fixed = {
+        _GAIN_VALUES[key]: sp.Rational(str(value))
+        for key, value in preset.fixed.items()
+        if isinstance(value, int) or "/" in value
+    }
+    # By definition sig(x)^1 = x and sig(x)^0 = sgn(x), also at x = 0.
+    return expression.subs(fixed).replace(sig, _known_sig)
+
+
+def inclusive_torque(preset: LawPreset) -> Expr:
+    """The torque of the generator's law with the gains that a preset fixes."""
+    return with_fixed_gains(
+        law_in_sympy(torque_law(LawOptions()), LAW_SYMBOLS)["control_torque"], preset
     )
 
 
@@ -428,14 +541,8 @@ def special_case(preset: LawPreset, paper: Expr) -> Proof:
         preset: the special case, with the gains that define it.
         paper: what the paper prints in its place for u_n + correction.
     """
-    fixed = {
-        _GAIN_VALUES[key]: sp.Rational(str(value))
-        for key, value in preset.fixed.items()
-        if isinstance(value, int) or "/" in value
-    }
-    code = law_in_sympy(torque_law(LawOptions()), {**_GAIN_VALUES, **_SIGNAL_VALUES})
-    # By definition sig(x)^1 = x and sig(x)^0 = sgn(x), also at x = 0.
-    torque = code["control_torque"].subs(fixed).replace(sig, _known_sig)
+    code = law_in_sympy(torque_law(LawOptions()), LAW_SYMBOLS)
+    torque = inclusive_torque(preset)
     expected = M * paper + _LAST_TAU - M * _LAST_QDD
     values = ", ".join(f"{key} = {value}" for key, value in preset.fixed.items())
     steps = (
@@ -443,7 +550,7 @@ def special_case(preset: LawPreset, paper: Expr) -> Proof:
         Step("III-C4", "with the gains that define the case", values),
         Step(preset.equation, "is", f"τ = {show(expected)}"),
     )
-    return _conclude(
+    return conclude(
         f"special_case_{preset.name}", preset.equation, preset.meaning, steps, torque - expected
     )
 
@@ -595,7 +702,7 @@ def sampled_closed_loop(
         Step("", "The reference's own mismatch is", f"ρ[k] = {show(mismatch)}"),
         Step("(32)", "Everything put in", "s[k+1] - s[k] = L (ε[k] + ρ[k] - λ sig(s[k])^γ)"),
     )
-    proof = _conclude(
+    proof = conclude(
         f"sampled_{options.velocity_error}_{options.acceleration}",
         "(32)",
         f"The generator's law in samples ({options.velocity_error}, {options.acceleration} "
@@ -625,6 +732,8 @@ def all_proofs() -> tuple[Proof, ...]:
         closed_loop(),
         ideal_velocity(),
         low_pass_is_a_smaller_inertia(),
+        model_free_is_hsia(),
+        model_free_closed_loop(),
         code_is_the_paper(),
         code_low_pass(),
         *special_cases(),

@@ -171,3 +171,18 @@ def test_a_velocity_error_with_a_wrong_factor_makes_rho_depend_on_the_robot() ->
 
 def test_a_special_case_with_another_formula_is_not_proved() -> None:
     assert not sy.special_case(LAW_PRESETS["hsia"], sy.KP).holds
+
+
+@pytest.mark.parametrize("prove", [sy.model_free_is_hsia, sy.model_free_closed_loop])
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda time, sigma, k_i: -sy.model_free_law(time, sigma, k_i),
+        lambda time, sigma, k_i: sigma**2 * sy.model_free_law(time, sigma, k_i),
+        lambda time, sigma, k_i: sy.model_free_law(time, sigma, k_i) - sy.qdd_d(time) / sigma,
+        lambda time, sigma, k_i: sy.model_free_law(time, sigma, k_i) + sy.tau(time - sy.L),
+    ],
+    ids=["its sign", "sigma upside down", "no reference", "tau(t-L) twice"],
+)
+def test_a_wrong_model_free_law_is_not_proved(prove: Any, wrong: Any) -> None:
+    assert not prove(wrong).holds
