@@ -27,7 +27,15 @@ def _edited(folder: Path, before: str, after: str) -> Path:
 
 
 def test_there_are_the_robots() -> None:
-    assert robot_names() == ["panda", "puma560", "puma560_akb", "reference", "ur5", "z1"]
+    assert robot_names() == [
+        "panda",
+        "puma560",
+        "puma560_akb",
+        "reference",
+        "reference_flexible",
+        "ur5",
+        "z1",
+    ]
     for name in robot_names():
         robot = load_robot(name)
         assert robot.name == name
