@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.controller import Controller, load
-from plant.closed_loop import Beginning, ControllerError, Plant, Run, beginning, build_plant
+from plant.assembly import Plant, build_plant
+from plant.closed_loop import Beginning, ControllerError, Run, beginning, switch_on
 from plant.compiled.loop import CompiledLoop
 from plant.controller import GeneratedController
 from plant.flight import check_encoders, default_robot
@@ -208,9 +209,7 @@ def lock_step(
     """
     begin, encoder = bench.begin, bench.plant.encoder
     for controller in controllers:
-        status = controller.reset(encoder.counts(begin.state.q), begin.torque_Nm)
-        if status < 0:
-            raise ControllerError(-1, status)
+        switch_on(controller, begin)
     first, *others = controllers
     reference = begin.reference
     position = reference.position_rad + encoder.zero_rad

@@ -17,7 +17,7 @@ from codegen.floating_point import scale_values
 from codegen.law import GAINS, Home, Input, LawFunction, LawOptions
 from codegen.layout import layout
 from codegen.rendering import environment
-from plant.closed_loop import PlantError
+from plant.assembly import PlantError
 from plant.native import BUILD
 from verification.special_cases.laws import INVERSE_SIGMA, LARGEST, SIGMA, errors
 
