@@ -91,7 +91,13 @@ def mujoco_model(
 
 
 def _of_urdf(body: UrdfBody, robot: Robot) -> Any:
-    spec = mujoco.MjSpec.from_string(body.with_fixed(robot.moving))
+    spec = mujoco.MjSpec.from_string(body.xml)
+    # Joints that follow others are locked; MuJoCo has read that as constraints.
+    for constraint in spec.equalities:
+        spec.delete(constraint)
+    for joint in spec.joints:
+        if joint.name in robot.locked_names:
+            spec.delete(joint)
     # Branches may stand in another order than Pinocchio's; the columns are in that one.
     assert tuple(joint.name for joint in spec.joints) == robot.joint_names
     return spec

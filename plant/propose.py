@@ -64,8 +64,8 @@ sample_time_s = {SAMPLE_TIME_S}
 
 [law]
 # No eigenvalue of M^-1 Mbar is above {LARGEST_EIGENVALUE} along the robot's trajectory; the \
-stability condition's limit
-# is 2.
+stability condition (33)
+# allows 2.
 inertia_kgm2 = {_column(starting_inertia(robot, robot.trajectory))}
 kd = 20
 kp = 100
@@ -98,9 +98,9 @@ def data_of(text: str) -> dict[str, Any]:
 def starting_inertia(robot: Robot, trajectory: RestToRest) -> Floats:
     """Mbar to start from [kg m^2], shape (n,).
 
-    Time delay control is stable only where ||I - M^-1 Mbar|| < 1 (Jin et al. 2017 after Hsia and
-    Gao 1990). M and Mbar being symmetric and positive definite, the eigenvalues of M^-1 Mbar are
-    real, and that means: they lie between 0 and 2. The rule:
+    Time delay control is known to be stable where ||I - M^-1 Mbar|| < 1, (33) of Jin et al. 2017. M
+    and Mbar being symmetric and positive definite, the eigenvalues of M^-1 Mbar are real, and the
+    condition keeps them between 0 and 2. The rule:
 
     1. Mbar is in proportion to the smallest effective inertia of each joint along the trajectory,
        1 / (M^-1)_ii: what its motor feels while all other joints are free.
@@ -170,7 +170,10 @@ def _propose(arguments: argparse.Namespace, console: Console) -> int:
         raise ProposalError(f"{output} is there already: remove it or name another") from error
     except OSError as error:
         raise ProposalError(f"{output} can't be written: {error.strerror}") from error
-    console.print(f"{output}: fly it with python -m plant simulate {output} --robot ROBOT")
+    command = f"python -m plant simulate {output} --robot {arguments.robot}"
+    if arguments.urdf is not None:
+        command += f" --urdf {arguments.urdf}"
+    console.print(f"{output} written; fly it: {command}", soft_wrap=True)
     return 0
 
 

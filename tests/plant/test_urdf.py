@@ -202,6 +202,13 @@ def test_another_body_takes_the_place_of_the_inherited_one(tmp_path: Path) -> No
     np.testing.assert_array_equal(robot.armature_kgm2, load_robot("ur5").armature_kgm2)
 
 
+def test_a_urdf_takes_the_place_of_inherited_links(tmp_path: Path) -> None:
+    table = UR5[UR5.index("[urdf]") : UR5.index("[transmission]")]
+    robot = load_robot(_written(tmp_path, BASED.replace("ur5", "puma560") + table))
+    assert robot.body == load_robot("ur5").body
+    np.testing.assert_array_equal(robot.gear_ratio, load_robot("puma560").gear_ratio)
+
+
 def _motion() -> str:
     keys = ('source = "x"', "start_deg = [0, 0, 0, 0, 0, 0]", "amplitude_deg = 1", "via = [0, 1]")
     return "\n".join([*keys, "segment_s = 1", ""])
