@@ -202,6 +202,10 @@ class Beginning:
     state: PlantState
     script: Script
 
+    def part(self, first: int, ticks: int, state: PlantState) -> Beginning:
+        """The beginning of a part of the run, at most so many ticks from one of them on."""
+        return Beginning(self.reference.rows(first, ticks), state, self.script.rows(first, ticks))
+
 
 def beginning(
     plant: Plant, trajectory: RestToRest, sample_time_s: float, events: Events = uneventful

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,11 @@ class Reference:
     position_rad: NDArray[np.float64]
     velocity_rad_per_s: NDArray[np.float64]
     acceleration_rad_per_s2: NDArray[np.float64]
+
+    def rows(self, first: int, count: int) -> Reference:
+        """At most so many ticks of the reference."""
+        part = slice(first, first + count)
+        return Reference(*(getattr(self, f.name)[part] for f in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from codegen.controller import load, resolve
-from plant.closed_loop import Run, build_plant
+from plant.assembly import build_plant
+from plant.closed_loop import Run
 from plant.compiled.loop import simulate
 from plant.controller import GeneratedController
 from plant.propose import data_of, proposal

@@ -6,7 +6,7 @@ import ctypes
 import subprocess
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import get_args
 
@@ -21,7 +21,6 @@ from codegen.controller import Controller, load
 from plant.assembly import Plant, PlantError, PlantState, build_plant
 from plant.closed_loop import (
     NOT_CALLED,
-    Beginning,
     ControllerError,
     Run,
     beginning,
@@ -52,7 +51,7 @@ from plant.model import dynamics, energy, gravity_torque
 from plant.native import library, shared_library, sources_of
 from plant.robot import FrictionName, Robot, load_robot
 from plant.scenario import Scenario
-from plant.trajectory import Reference, RestToRest
+from plant.trajectory import RestToRest
 
 Floats = NDArray[np.float64]
 CONTROLLERS = Path(__file__).parents[2] / "controllers"
@@ -230,12 +229,6 @@ def _assert_close(one: Run, other: Run, tolerance: float = 1e-12) -> None:
         np.testing.assert_allclose(a, b, rtol=tolerance, atol=tolerance)
 
 
-def _part(whole: Beginning, state: PlantState, first: int, count: int) -> Beginning:
-    """So many ticks of a run, from another state on."""
-    rows = (getattr(whole.reference, f.name)[first : first + count] for f in fields(Reference))
-    return Beginning(Reference(*rows), state, whole.script.rows(first, count))
-
-
 @pytest.mark.parametrize(
     ("name", "delay"),
     [("puma3", 0.0), ("puma3", 0.37), ("puma3", 1.0), ("puma3_fixed", 0.0), ("float64", 0.37)],
@@ -264,14 +257,14 @@ def test_each_tick_of_a_run_is_that_of_the_loop_in_python(
     switch_on(python, whole)
     state, excess = whole.state, []
     for tick in range(0, 2000, 10):
-        begin = _part(whole, state, tick, 1)
+        begin = whole.part(tick, 1, state)
         memory = bytes(python.state)
         ctypes.memmove(ctypes.addressof(compiled.state), memory, len(memory))
         expected = run_from(plant, python, begin, TICK, H, progress=False)
         _assert_close(loop.run(plant, compiled, begin, TICK, H, reset=False), expected)
         assert bytes(compiled.state) == bytes(python.state)
         # From here to the next comparison, Python goes alone.
-        begin = _part(whole, expected.end, tick + 1, 9)
+        begin = whole.part(tick + 1, 9, expected.end)
         state = run_from(plant, python, begin, TICK, H, progress=False).end
         commanded = expected.torque_commanded_Nm[0].astype(np.float64)
         excess.append(commanded - drive.limited(commanded))
@@ -322,7 +315,7 @@ def test_a_run_with_everything_is_that_of_the_loop_in_python(
     switch_on(python, whole)
     state, statuses = whole.state, set[int]()
     for tick in range(0, 400, 10):
-        begin = _part(whole, state, tick, 10)
+        begin = whole.part(tick, 10, state)
         memory = bytes(python.state)
         ctypes.memmove(ctypes.addressof(compiled.state), memory, len(memory))
         expected = run_from(plant, python, begin, TICK, H, progress=False)

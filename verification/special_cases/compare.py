@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,6 @@ from plant.controller import GeneratedController
 from plant.flight import check_encoders, default_robot
 from plant.native import shared_library
 from plant.robot import load_robot
-from plant.trajectory import Reference
 from verification.evidence import Evidence
 from verification.experiments import CONTROLLERS
 from verification.special_cases.laws import Case
@@ -146,12 +145,9 @@ def bench(name: str, ticks: int | None = None) -> Bench:
     plant = build_plant(robot)
     assert robot.trajectory is not None, "every default robot has one"
     begin = beginning(plant, robot.trajectory, float(shipped.sample_time))
-    shortened = replace(begin, reference=_first(begin.reference, ticks))
-    return Bench(shipped, plant, CompiledLoop(plant, shipped), shortened)
-
-
-def _first(reference: Reference, ticks: int | None) -> Reference:
-    return Reference(*(getattr(reference, field.name)[:ticks] for field in fields(reference)))
+    if ticks is not None:
+        begin = begin.part(0, ticks, begin.state)
+    return Bench(shipped, plant, CompiledLoop(plant, shipped), begin)
 
 
 # --- Bits --------------------------------------------------------------------------------------
