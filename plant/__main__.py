@@ -29,6 +29,7 @@ from plant.flight import Backend, fly
 from plant.model import build_model, dynamics
 from plant.native import BUILD, CompilerError
 from plant.pace import CONTROLLERS, measure
+from plant.picture import PictureError, draw, save
 from plant.propose import ProposalError, add_propose
 from plant.robot import FrictionName, Robot, RobotError, load_robot, robot_names
 from plant.scenario import read_scenario, scenario_names
@@ -133,6 +134,7 @@ def _robots(_: argparse.Namespace, console: Console) -> int:
 
 
 def _simulate(arguments: argparse.Namespace, console: Console) -> int:
+    scenario = read_scenario(arguments.scenario) if arguments.scenario else None
     flight = fly(
         arguments.controller,
         experiment=arguments.experiment,
@@ -142,8 +144,10 @@ def _simulate(arguments: argparse.Namespace, console: Console) -> int:
         speed=arguments.speed,
         substep_s=arguments.substep,
         backend=arguments.backend,
-        events=read_scenario(arguments.scenario).script if arguments.scenario else uneventful,
+        events=scenario.script if scenario else uneventful,
     )
+    if arguments.picture:
+        save(draw(flight, scenario), arguments.picture)
     figures = flight.figures()
     if arguments.json:
         print(json.dumps(figures))
@@ -353,6 +357,9 @@ def _add_simulate(commands: argparse._SubParsersAction[argparse.ArgumentParser])
         + ", ".join(scenario_names()),
     )
     parser.add_argument(
+        "--picture", type=Path, metavar="FILE", help="draws the run into a .svg, .pdf or .png file"
+    )
+    parser.add_argument(
         "--speed", type=_positive, default=1.0, help="how many times as fast, 1 by default"
     )
     parser.add_argument(
@@ -427,6 +434,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         LayoutError,
         ControllerError,
         CampaignError,
+        PictureError,
         ProposalError,
     ) as error:
         print(f"error: {error}", file=sys.stderr)

@@ -206,6 +206,38 @@ def test_a_substep_is_that_of_the_integrator(puma: Case) -> None:
         np.testing.assert_allclose(friction[:, k], first, rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.parametrize("name", ["reference_flexible", "six"])
+def test_a_substep_on_springs_is_that_of_the_integrator(six: Case, name: str) -> None:
+    if name == "six":
+        springs = Flexibility(np.geomspace(3e2, 3e4, 6), np.array([0.0, 10.0, 5.0, 0.0, 1.0, 0.1]))
+        plant = replace(six.plant, flexibility=springs)
+        case = Case(plant, CompiledLoop(plant, load(CONTROLLERS / "puma6.toml")))
+    else:
+        case = _case(load_robot(name), "puma3.toml")
+    n = case.plant.joints
+    q, qd, bristle, torque = _random(n)
+    twist, rate, _, external = _random(n, seed=7)
+    q_motor, qd_motor = q + 1e-2 * twist, qd + rate
+    given = np.tile(numbers(case.plant)[:, np.newaxis], STATES)
+    rows = (np.hstack((q, q_motor)), np.hstack((qd, qd_motor)), bristle, torque, external)
+    columns = (*(x.T for x in rows), np.full((1, STATES), H), given)
+    got = [x.T for x in _c(SUBSTEP, case.loop)(*columns)]
+    integrator = Integrator(case.plant)
+    for k in range(STATES):
+        start = PlantState(
+            q[k], qd[k], q_motor[k], qd_motor[k], bristle[k].tolist(), torque[k], torque[k]
+        )
+        after, first, _ = integrator.advance(start, torque[k], H, H, external[k])
+        expected = (
+            np.concatenate((after.q, after.q_motor)),
+            np.concatenate((after.qd, after.qd_motor)),
+            np.array(after.friction),
+            first,
+        )
+        for found, wanted in zip(got, expected, strict=True):
+            np.testing.assert_allclose(found[k], wanted, rtol=1e-12, atol=1e-12)
+
+
 def _variant(folder: Path, name: str) -> Controller:
     """One of the repository's controllers for three joints, or one that computes in double."""
     if name != "float64":
