@@ -11,6 +11,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, get_args
 
+from rich.markup import escape
 from rich.table import Table
 
 from codegen.law import AccelerationEstimate, VelocityError
@@ -22,9 +23,10 @@ from verification.sampled_stability.loop import Loop, LoopError, low_pass_ratio
 SAYS = "for which Mbar/M the sampled law is stable: exact ends, proved and checked"
 
 MEANING = (
-    "Inside, and only there, every motion of the loop dies out: one joint, linear law "
-    "(alpha = beta = gamma = 1) without saturation, M(q) frozen, no friction, torque held between "
-    "the samples. A robot's eigenvalues of M(q)^-1 Mbar must lie inside at every q."
+    "Stable: every motion of the loop dies out. It is one joint with the linear law (alpha = beta "
+    "= gamma = 1) without saturation, M(q) frozen, no friction, torque held between the samples. "
+    "Of a robot with the same KD, KP and lambda at all joints every eigenvalue of M(q)^-1 Mbar is "
+    "such an r, at every q."
 )
 CONTINUOUS = "(33), |1 - Mbar/M| < 1, knows neither samples nor their delay and would say (0, 2)."
 
@@ -152,7 +154,7 @@ class Answer:
         if self.verified:
             yield "[green]proved[/green], and the certificate verified by the independent checker"
         for complaint in self.complaints:
-            yield f"[red]NOT proved[/red]: {complaint}"
+            yield f"[red]NOT proved[/red]: {escape(complaint)}"
 
     def _frequency(self, interval: Interval, upper: bool) -> float | None:
         end = interval.high if upper else interval.low

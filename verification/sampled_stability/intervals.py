@@ -150,8 +150,9 @@ class Analysis:
 def stable_intervals(loop: Loop) -> tuple[Interval, ...]:
     """The set of all r > 0 for which the loop is stable, as open intervals in ascending order.
 
-    For a robot with Mbar = diag(...) the interval must contain the eigenvalues of M(q)^-1 Mbar at
-    every q: see :meth:`Interval.contains`. That is the loop linearised with M(q) frozen.
+    A robot whose joints have the same KD, KP and lambda falls apart, with M(q) frozen, into one
+    such loop for each eigenvalue of M(q)^-1 Mbar (all are real and positive): they must lie in an
+    interval at every q, see :meth:`Interval.contains`.
     """
     return analyse(loop).intervals
 
@@ -164,12 +165,16 @@ def containing(intervals: Sequence[Interval], low: Fraction, high: Fraction) -> 
 def analyse(loop: Loop) -> Analysis:
     """Finds the intervals of a loop."""
     polynomial = characteristic(loop)
+    return Analysis(loop, polynomial, *cut(polynomial))
+
+
+def cut(polynomial: Characteristic) -> tuple[tuple[End, ...], tuple[Cell, ...]]:
+    """The positive zeros of B, and the cells into which they cut r > 0."""
     hurwitz = _left_half_plane(polynomial)
     boundary = _boundary(hurwitz)
     # Zero for every r: two roots on the circle or mirrored in it whatever r is (as with KP = 0).
     ends = tuple(_positive_zeros(boundary)) if not boundary.is_zero() else ()
-    cells = tuple(Cell(test, _is_stable(hurwitz, test)) for test in _tests(ends))
-    return Analysis(loop, polynomial, ends, cells)
+    return ends, tuple(Cell(test, _is_stable(hurwitz, test)) for test in _tests(ends))
 
 
 # --- Hurwitz -----------------------------------------------------------------------------------
