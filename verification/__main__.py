@@ -39,9 +39,6 @@ from verification.experiments import (
 )
 from verification.firmware import ToolError, board_names, load_board
 from verification.paper import table_2
-from verification.report.content import Results
-from verification.report.page import write
-from verification.report.processor import found
 from verification.sampled_stability import command as sampled_interval
 from verification.sampled_stability.loop import LoopError
 from verification.symbolic import Proof, all_proofs
@@ -261,6 +258,11 @@ def _sampled_interval(arguments: argparse.Namespace, console: Console, _: Consol
 
 
 def _report(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
+    # Pictures and statistics take long to import; no other command needs them.
+    from verification.report.content import Results
+    from verification.report.page import write
+    from verification.report.processor import found
+
     controllers = _controllers(NAMES)
     proofs = _proofs(progress)
     kernels = _kernels(progress)

@@ -268,6 +268,18 @@ def test_every_kind_of_cut_is_found() -> None:
     assert from_zero
 
 
+@pytest.mark.parametrize("e", [Fraction(1, 10**14), Fraction(32, 10**14)])
+def test_zeros_that_are_almost_one_are_kept_apart(e: Fraction) -> None:
+    # z^2 - z + c with p(1) = 0 at r = 1, p(-1) = 0 at r = 1 + e and c = 1 at r = 1 - e/2.
+    k = int(2 / e)
+    polynomial = Characteristic(fmpq_poly([k, -1, 1]), fmpq_poly([-k]))
+    found, _ = cut(polynomial)
+    offsets = [float((end.below + end.above) / 2 - 1) for end in found]
+    np.testing.assert_allclose(offsets, [float(-e / 2), 0.0, float(e)], atol=1e-20)
+    edges = [x for end in found for x in (end.below, end.above)]
+    assert edges == sorted(set(edges))
+
+
 # Exact ends
 
 
@@ -413,6 +425,17 @@ def damaged(good: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
             moved_end = _shifted(good["intervals"][k][end][side], Fraction(1, 10**14))
             yield put(("intervals", k, end, side), moved_end)
         yield put(("intervals", k), [["0", "0"], ["2", "2"]])
+
+    def invent_a_gap(bad: Any) -> None:
+        k = next(k for k, cell in enumerate(bad["cells"]) if cell["stable"])
+        test = Fraction(bad["cells"][k]["test"])
+        gap = [str(test + Fraction(j, 10**10)) for j in (1, 2)]
+        bad["boundaries"].insert(k, gap)
+        bad["cells"].insert(k + 1, {"test": str(test + Fraction(1, 10**8)), "stable": True})
+        (low, high), *others = bad["intervals"]
+        bad["intervals"] = [[low, gap], [gap, high], *others]
+
+    yield made("a gap where there is none", invent_a_gap)
     yield put(("intervals",), [])
     yield put(("intervals",), good["intervals"] * 2)
     yield put(("evidence",), "proved")
@@ -466,6 +489,8 @@ def test_the_command_tells_and_leaves_the_interval(
     shown = " ".join(capsys.readouterr().out.split())
     for part in ("0.0140755862", "1.9218489912", "3.59 Hz", "247 Hz", "(0, 2)", "proved"):
         assert part in shown
+    # Rounded inward: 1.92185 would be outside.
+    assert "Mbar between 0.0140756 M and 1.92184 M" in shown
 
 
 def test_options_reach_the_loop(

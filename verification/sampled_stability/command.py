@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, get_args
@@ -32,6 +33,7 @@ CONTINUOUS = "(33), |1 - Mbar/M| < 1, knows neither samples nor their delay and 
 
 _NUMBER = r"\d{1,18}(\.\d{1,18})?([eE][+-]?\d{1,2})?"
 _CUTOFF = "rad/s"
+_SHOWN_DIGITS = 6
 
 
 def _rational(text: str) -> Fraction:
@@ -148,7 +150,8 @@ class Answer:
             yield "[bold]Stable r = Mbar/M: none.[/bold] No Mbar > 0 makes this loop stable."
             yield _why_none(self.analysis)
         for interval in intervals:
-            yield f"Mbar between {float(interval.low):.6g} M and {float(interval.high):.6g} M."
+            least, most = _inward(interval)
+            yield f"Mbar between {least:f} M and {most:f} M is inside."
         yield MEANING
         yield CONTINUOUS
         if self.verified:
@@ -177,6 +180,18 @@ class Answer:
         if not last:
             return grows
         return f"{grows}: a sample corrects more than was missing in the one before"
+
+
+def _inward(interval: Interval) -> tuple[Decimal, Decimal]:
+    """The ends with few digits, rounded so that they lie inside."""
+    ends = ((interval.low.above, ROUND_CEILING), (interval.high.below, ROUND_FLOOR))
+    least, most = (
+        Context(prec=_SHOWN_DIGITS, rounding=rounding).divide(
+            Decimal(end.numerator), Decimal(end.denominator)
+        )
+        for end, rounding in ends
+    )
+    return least, most
 
 
 def _why_none(analysis: Analysis) -> str:

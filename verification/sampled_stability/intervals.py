@@ -62,13 +62,10 @@ class End:
 
     def side(self, number: Fraction) -> int:
         """-1, 0 or 1 for a number below, at or above this end; exactly."""
-        if number <= self.below or number >= self.above:
-            at = self.below == self.above == number
-            return 0 if at else (-1 if number <= self.below else 1)
-        here = self.polynomial(rational(number))
-        if here == 0:
-            return 0
-        return -1 if (here > 0) == (self.polynomial(rational(self.below)) > 0) else 1
+        if not self.below < number < self.above:
+            return (number >= self.above) - (number <= self.below)
+        here, below = (self.polynomial(rational(x)) for x in (number, self.below))
+        return 0 if here == 0 else (-1 if (here > 0) == (below > 0) else 1)
 
 
 @dataclass(frozen=True)
@@ -261,7 +258,10 @@ def _enclosed(zero: arb, others: Sequence[arb], polynomial: fmpq_poly) -> End:
     while digits < _PRECISION_BITS // 4:
         place = round(middle * 10**digits)
         below, above = (Fraction(place + step, 10**digits) for step in (-1, 1))
-        alone = all(z < rational(below) or z > rational(above) for z in others)
+        # Three widths away from all other zeros: then no two enclosures can touch.
+        spare = 3 * (above - below)
+        reach = rational(below - spare), rational(above + spare)
+        alone = all(z < reach[0] or z > reach[1] for z in others)
         ends = [polynomial(rational(x)) for x in (below, above)]
         if alone and ends[0] * ends[1] < 0:
             return End(below, above, polynomial)
@@ -279,6 +279,8 @@ def _tests(ends: Sequence[End]) -> Iterator[Fraction]:
 
 
 def _between(low: Fraction, high: Fraction) -> Fraction:
+    if low >= high:
+        raise ArithmeticError(f"no cell from {float(low)} to {float(high)}")
     middle = (low + high) / 2
     candidates = (middle.limit_denominator(10**k) for k in itertools.count())
     return next(c for c in candidates if low < c < high)
