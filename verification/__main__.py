@@ -40,9 +40,8 @@ from verification.experiments import (
 )
 from verification.firmware import ToolError, board_names, load_board
 from verification.paper import table_2
-from verification.report.content import Results
-from verification.report.page import write
-from verification.report.processor import found
+from verification.sampled_stability import command as sampled_interval
+from verification.sampled_stability.loop import LoopError
 from verification.special_cases import present as special
 from verification.special_cases.laws import CASES
 from verification.symbolic import Proof, all_proofs
@@ -68,6 +67,7 @@ _BAD_INPUT = (
     CompilerError,
     ToolError,
     KernelError,
+    LoopError,
     OSError,
 )
 
@@ -267,7 +267,21 @@ def _accuracy(arguments: argparse.Namespace, console: Console, progress: Console
     return 0
 
 
+def _sampled_interval(arguments: argparse.Namespace, console: Console, _: Console) -> int:
+    answer = sampled_interval.answer(arguments)
+    if not arguments.json:
+        for part in answer.shown():
+            console.print(part)
+    _leave(answer.figures(), "sampled_interval", arguments.json, console)
+    return 0 if answer.verified else 1
+
+
 def _report(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
+    # Pictures and statistics take long to import; no other command needs them.
+    from verification.report.content import Results
+    from verification.report.page import write
+    from verification.report.processor import found
+
     controllers = _controllers(NAMES)
     proofs = _proofs(progress)
     kernels = _kernels(progress)
@@ -378,6 +392,9 @@ def _parser() -> argparse.ArgumentParser:
         help="also run the compiled integer halves at every argument",
     )
     with_json(kernel)
+    interval = command("sampled-interval", _sampled_interval, sampled_interval.SAYS)
+    sampled_interval.add_options(interval)
+    with_json(interval)
     with_json(command("experiments", _experiments, "Table II and more, flown on the plant"))
     with_json(command("symbolic", _symbolic, "the proofs in computer algebra"))
     return parser
