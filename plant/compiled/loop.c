@@ -153,11 +153,14 @@ static void hold(world *w, tick_work *t, const loop_part *part, const double *co
         const int now = m->now;
         const int next = 1 - now;
         const double *arguments[] = {
-            m->q[now], m->qd[now],   m->friction[now], torque,
-            t->external, &part->step_s, t->numbers,
+            m->q[now], m->qd[now], m->friction[now], torque, t->external, &part->step_s, t->numbers,
         };
-        double *results[] = {m->q[next], m->qd[next], m->friction[next],
-                             t->begun ? unused : t->friction};
+        double *results[] = {
+            m->q[next],
+            m->qd[next],
+            m->friction[next],
+            t->begun ? unused : t->friction,
+        };
         for (int64_t i = 0; i < t->joints; ++i) {
             const double deviation = given[i] - command[i];
             torque[i] = command[i] + (deviation * part->mean[i]);

@@ -51,8 +51,8 @@ typedef enum {
 /** What happens; arrays have one row a tick, those marked with one element a joint. */
 typedef struct {
     const loop_timing *timings;
-    const int64_t *timing; /* index into them */
-    const uint8_t *called; /* whether the controller is called */
+    const int64_t *timing;         /* index into them */
+    const uint8_t *called;         /* whether the controller is called */
     const uint8_t *reading;        /* a loop_reading; by joint */
     const double *noise_counts;    /* by joint */
     const int64_t *shift_counts;   /* by joint */
