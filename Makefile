@@ -77,6 +77,11 @@ pil: setup
 	@tools/system_tools.sh test firmware
 	@$(run) -m verification.pil
 
+## Every row of the paper's Table II on four plants, beside the paper's errors
+.PHONY: table2
+table2: setup
+	@$(run) -m verification table2
+
 ## Table II flown in float32, float64 and fixed-point: what the accuracy of the powers is worth
 .PHONY: accuracy
 accuracy: setup

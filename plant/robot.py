@@ -230,12 +230,15 @@ class RobotFile(_Table):
     transmission: TransmissionTable | None = None
     flexibility: FlexibilityTable | None = None
     friction: FrictionTable | None = None
+    friction_from: Source | None = None
     encoder: EncoderTable | None = None
     drive: DriveTable | None = None
     trajectory: TrajectoryTable | None = None
 
     @model_validator(mode="after")
     def _complete(self) -> RobotFile:
+        if self.friction is not None and self.friction_from is not None:
+            raise ValueError("give one of [friction] and friction_from, not both")
         if self.links is not None and self.urdf is not None:
             raise ValueError("give one of the tables [links] and [urdf], not both")
         if self.based_on is not None:
@@ -345,8 +348,9 @@ def _read(path: Path, variants: tuple[Path, ...]) -> RobotFile:
     if base_path.resolve() in (variant.resolve() for variant in (*variants, path)):
         raise RobotError(f"{path.name}: based_on: {own.based_on} is based on {path.stem} itself")
     base, given = _read(base_path, (*variants, path)), own.model_fields_set
-    bodies = {"links", "urdf"}
-    known = given | bodies if given & bodies else given
+    known = given
+    for alternatives in ({"links", "urdf"}, {"friction", "friction_from"}):
+        known = known | alternatives if given & alternatives else known
     taken = {key: getattr(base, key) for key in RobotFile.model_fields if key not in known}
     return own.model_copy(update=taken)
 
@@ -487,13 +491,15 @@ def _resolve(
         gear_ratio=gear_ratio,
         armature_kgm2=gear_ratio**2 * motor_inertia,
         flexibility=_flexibility(file.flexibility, columns) if file.flexibility else None,
-        friction=_friction(friction, columns, gear_ratio, friction_name) if friction else None,
+        friction=_friction(friction, columns, gear_ratio, friction_name)
+        if friction
+        else _friction_of(file.friction_from, len(moving), friction_name),
         encoder=_encoder(encoder, columns, gear_ratio) if encoder else None,
         drive=_drive(drive, columns, gear_ratio) if drive else None,
         trajectory=_trajectory(trajectory, columns, [chain[i] for i in moving])
         if trajectory
         else None,
-        sources=_sources("", file),
+        sources=_sources("", file) + _sources_of_friction(file.friction_from),
     )
 
 
@@ -564,6 +570,26 @@ def _friction(
             for curve, b in zip(curves, viscous, strict=True)
         )
     )
+
+
+def _friction_of(robot: str | None, joints: int, name: FrictionName | None) -> FrictionModel | None:
+    """The friction at the joints of another robot, its wrist locked where that makes it fit."""
+    if robot is None:
+        return None
+    candidates = [load_robot(robot, friction=name)]
+    if candidates[0].joints != joints and candidates[0].body.wrist:
+        candidates.append(load_robot(robot, lock_wrist=True, friction=name))
+    for other in candidates:
+        if other.joints == joints and other.friction is not None:
+            return other.friction
+    raise RobotError(f"friction_from: {robot} has no friction of {joints} joints")
+
+
+def _sources_of_friction(robot: str | None) -> tuple[tuple[str, str], ...]:
+    """The sources of friction that another robot's file gives."""
+    if robot is None:
+        return ()
+    return tuple(x for x in load_robot(robot).sources if x[0].split(".")[0] == "friction")
 
 
 def _flexibility(table: FlexibilityTable, columns: _Columns) -> Flexibility:

@@ -45,6 +45,8 @@ from verification.sampled_stability.loop import LoopError
 from verification.special_cases import present as special
 from verification.special_cases.laws import CASES
 from verification.symbolic import Proof, all_proofs
+from verification.table2 import present as table2
+from verification.table2.fly import figures as figures_of_table2
 
 REPORT = BUILD / "report"
 DEFAULT_STEPS = 100_000
@@ -235,6 +237,18 @@ def _experiments(arguments: argparse.Namespace, console: Console, progress: Cons
     return 0
 
 
+def _table2(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
+    tables = table2.fly(arguments, progress, _bar)
+    if not arguments.json:
+        for table in tables:
+            console.print(table2.table_of(table))
+            for line in table2.summary(table):
+                console.print(line)
+            console.print()
+    _leave(figures_of_table2(tables), "table2", arguments.json, console)
+    return 0
+
+
 def _accuracy(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
     total = len(table_2()) * len(ARITHMETICS)
     with _bar(progress, "rows of Table II", total) as advance:
@@ -395,6 +409,9 @@ def _parser() -> argparse.ArgumentParser:
     interval = command("sampled-interval", _sampled_interval, sampled_interval.SAYS)
     sampled_interval.add_options(interval)
     with_json(interval)
+    table = command("table2", _table2, "every row of the paper's Table II on four plants")
+    table2.add_arguments(table)
+    with_json(table)
     with_json(command("experiments", _experiments, "Table II and more, flown on the plant"))
     with_json(command("symbolic", _symbolic, "the proofs in computer algebra"))
     return parser

@@ -106,6 +106,7 @@ def conduct(experiment: Experiment) -> Outcome:
         robot=experiment.robot,
         speed=experiment.speed,
         progress=False,
+        backend="compiled",
     )
     limits = np.array([float(joint.torque_limit) for joint in flight.specification.joints])
     return Outcome(experiment, flight.figures(), limits, flight.run)

@@ -33,6 +33,7 @@ def test_there_are_the_robots() -> None:
         "puma560_akb",
         "reference",
         "reference_flexible",
+        "reference_published_friction",
         "ur5",
         "z1",
     ]
