@@ -46,6 +46,7 @@ from verification.special_cases import present as special
 from verification.special_cases.laws import CASES
 from verification.symbolic import Proof, all_proofs
 from verification.table2 import present as table2
+from verification.table2.fly import PLANTS, fly_table
 from verification.table2.fly import figures as figures_of_table2
 
 REPORT = BUILD / "report"
@@ -301,6 +302,8 @@ def _report(arguments: argparse.Namespace, console: Console, progress: Console) 
     kernels = _kernels(progress)
     with _bar(progress, "closed loops", len(ALL)) as advance:
         outcomes = conduct_all(advance=lambda _: advance(1))
+    with _bar(progress, "rows of Table II", len(PLANTS) * len(table_2())) as advance:
+        tables = fly_table(advance=lambda: advance(1))
     total = sum(len(variants(c)) for c in controllers) * arguments.steps
     with _bar(progress, "steps of the C", total) as advance:
         equivalence = check_all(controllers, arguments.steps, advance)
@@ -314,6 +317,7 @@ def _report(arguments: argparse.Namespace, console: Console, progress: Console) 
                 found(),
                 kernels,
                 current_json(RESULTS / "accuracy.json"),
+                tables,
             ),
             arguments.output,
         )

@@ -24,6 +24,7 @@ from verification.report.content import Results, law_block, scientific
 from verification.report.page import render, write
 from verification.report.processor import Processor
 from verification.symbolic import all_proofs
+from verification.table2.fly import PLANTS, fly_table
 
 _CELL = {
     "row": "Exp08",
@@ -87,7 +88,8 @@ def results(outcomes: Mapping[Experiment, Outcome]) -> Results:
     }
     kernels = [prove_and_check(*kernel, every=False) for kernel in shipped()]
     processor = Processor(None, None, None, None)
-    return Results(outcomes, equivalence, all_proofs(), 500, processor, kernels, ACCURACY)
+    tables = fly_table(PLANTS[::3], phases=1)
+    return Results(outcomes, equivalence, all_proofs(), 500, processor, kernels, ACCURACY, tables)
 
 
 @pytest.fixture(scope="session")

@@ -41,6 +41,8 @@ from verification.report import figures
 from verification.report.processor import LINKS, MEANINGS, TITLES, Processor
 from verification.report.style import house_style, inline_svg
 from verification.symbolic import Proof
+from verification.table2.fly import COMPARED, FACTOR, TableOf, paper_ratios, ratio_name
+from verification.table2.fly import figures as figures_of_tables
 
 FASTER_PAPER_DEG = (0.0017, 0.0025, 0.0030)
 """RMS errors at 50 % more speed, section IV-C of the paper [deg]."""
@@ -58,6 +60,7 @@ class Results:
         processor: what was found on the emulated processors.
         kernels: what is proved of the powers.
         accuracy: what `make accuracy` left, None if it has not run on today's C.
+        tables: Table II, by plant.
     """
 
     outcomes: Mapping[Experiment, Outcome]
@@ -67,6 +70,7 @@ class Results:
     processor: Processor
     kernels: Sequence[Verdict]
     accuracy: dict[str, Any] | None
+    tables: Sequence[TableOf]
 
 
 @dataclass(frozen=True)
@@ -308,6 +312,7 @@ COMMANDS = (
         "python -m verification experiments",
         "build/verification/experiments.json",
     ),
+    Command("Table II on other plants", "make table2", "build/verification/table2.json"),
     Command(
         "the generated C against the law",
         "python -m verification equivalence --steps {steps}",
@@ -371,6 +376,7 @@ def as_json(results: Results) -> dict[str, Any]:
         "proofs": plain(list(results.proofs)),
         "kernels": plain(list(results.kernels)),
         "accuracy": results.accuracy,
+        "table_2_by_plant": plain(figures_of_tables(results.tables)["plants"]),
     }
 
 
@@ -409,6 +415,9 @@ def context(results: Results) -> dict[str, Any]:
         "rows": tables.rows,
         "gains": tables.gains,
         "ranks": rank_correlation(tables.rows),
+        "tables_2": results.tables,
+        "factor": FACTOR,
+        "paper_ratios": {ratio_name(row): paper_ratios(row) for row in COMPARED},
         "faster": Beside("Exp08", "", faster.rms_deg, FASTER_PAPER_DEG),
         "best": best,
         "turns": turns,
