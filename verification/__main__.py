@@ -28,6 +28,8 @@ from verification.certificates.sig_pow.present import Verdict, shipped, verdict
 from verification.chain.links import BLOCK_STEPS, blocks_of, chain
 from verification.chain.present import failures, notes, table_of
 from verification.equivalence import check_all, summary, variants
+from verification.error_dynamics import command as error_dynamics
+from verification.error_dynamics.model import ErrorDynamicsError
 from verification.evidence import RESULTS, current_json, plain, write_json
 from verification.experiments import (
     ALL,
@@ -65,6 +67,7 @@ _BAD_INPUT = (
     CompilerError,
     ToolError,
     KernelError,
+    ErrorDynamicsError,
     OSError,
 )
 
@@ -354,6 +357,9 @@ def _parser() -> argparse.ArgumentParser:
         help="also run the compiled integer halves at every argument",
     )
     with_json(kernel)
+    error_dynamics.add_arguments(
+        command(error_dynamics.NAME, error_dynamics.run, error_dynamics.SAYS)
+    )
     with_json(command("experiments", _experiments, "Table II and more, flown on the plant"))
     with_json(command("symbolic", _symbolic, "the proofs in computer algebra"))
     return parser

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import spearmanr
 
 from codegen.controller import load
 from codegen.emit import REPOSITORY
@@ -197,6 +196,9 @@ def rank_correlation(rows: Sequence[Beside]) -> tuple[float, ...]:
     It says whether the rows come in the same order; it is no strong evidence by itself, since
     even a plant without friction keeps most of the order.
     """
+    # Half a second to import, which every other command would wait for.
+    from scipy.stats import spearmanr
+
     joints = range(len(rows[0].ours_deg))
     return tuple(
         float(spearmanr([r.ours_deg[j] for r in rows], [r.paper_deg[j] for r in rows]).statistic)
