@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -41,10 +41,10 @@ from verification.experiments import (
 )
 from verification.firmware import ToolError, board_names, load_board
 from verification.paper import table_2
-from verification.report.content import Results
-from verification.report.page import write
 from verification.report.processor import found
-from verification.symbolic import Proof, all_proofs
+
+if TYPE_CHECKING:
+    from verification.symbolic import Proof
 
 REPORT = BUILD / "report"
 DEFAULT_STEPS = 100_000
@@ -103,6 +103,9 @@ def _leave(data: Any, name: str, as_json: bool, console: Console) -> None:
 
 
 def _proofs(progress: Console) -> tuple[Proof, ...]:
+    # SymPy, and Matplotlib below, take long to import; most commands need neither.
+    from verification.symbolic import all_proofs
+
     with progress.status("computer algebra"):
         return all_proofs()
 
@@ -252,6 +255,9 @@ def _accuracy(arguments: argparse.Namespace, console: Console, progress: Console
 
 
 def _report(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
+    from verification.report.content import Results
+    from verification.report.page import write
+
     controllers = _controllers(NAMES)
     proofs = _proofs(progress)
     kernels = _kernels(progress)

@@ -190,6 +190,7 @@ _OFF_THE_PAIR = (
     "it is not enclosed for exponents off the pair beta = alpha/(2 - alpha), whose motions are not "
     "the same curve at every size"
 )
+_ABSURD = 1e300
 _TIMES = ("settling_time_s", "settling_time_from_start_s", "time_to_resolution_s")
 _FROM_ONE = (Fraction(1), Fraction(0))
 
@@ -213,7 +214,7 @@ class _Figures:
         except UnresolvedError as error:
             self.miss(name, str(error))
             return
-        if value.is_finite():
+        if value.is_finite() and value.abs_upper() < _ABSURD:
             self.values[name] = enclosure(value)
         else:
             self.miss(name, "arithmetic of this precision does not enclose it")
@@ -274,9 +275,7 @@ def _homogeneous(
         figures.miss("settling_time_from_start_s", _NEVER_ZERO)
     figures.give(
         "time_to_resolution_s",
-        lambda: (
-            motions.time_to_band(motions.motion(*start), resolution) if start != (0, 0) else arb(0)
-        ),
+        lambda: motions.time_to_band(motions.motion(*start), resolution) if any(start) else arb(0),
     )
 
 

@@ -12,6 +12,9 @@ from flint import arb, arb_series, ctx, fmpq
 
 PRECISION_BITS = 128
 
+_TINY = 2.0**-1022
+"""The smallest normal double."""
+
 Enclosure: TypeAlias = tuple[float, float]
 """Lower and upper bound of a number, rounded outward."""
 
@@ -45,9 +48,11 @@ def exact(value: arb) -> Fraction:
 
 
 def enclosure(value: arb) -> Enclosure:
-    """A ball's ends as doubles, rounded outward."""
-    low, high = exact(value.lower()), exact(value.upper())
-    return down(low), up(high)
+    """A ball's ends as doubles, rounded outward; its magnitude lies below 1e300."""
+    if value.abs_upper() < _TINY:
+        # The exact fraction of e^(-10^10) would fill the memory.
+        return (0.0 if value >= 0 else -_TINY), 0.0 if value.is_zero() else _TINY
+    return down(exact(value.lower())), up(exact(value.upper()))
 
 
 def up(value: Fraction) -> float:

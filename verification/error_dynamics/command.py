@@ -170,8 +170,8 @@ def notes(found: ErrorDynamics) -> Iterator[str]:
     if settled and seen and settled[1] > 0:
         share = 1 - seen[1] / settled[0]
         yield (
-            f"the theory's settling time is the moment of e = 0 exactly; the last {share:.0%} of it "
-            "passes below the encoder's resolution, where the controller sees nothing."
+            "the theory's settling time is the moment of e = 0 exactly; the last "
+            f"{share:.0%} of it passes below the encoder's resolution, unseen by the controller."
         )
     for name, why in found.not_given.items():
         yield f"no {name}: {why}"

@@ -231,11 +231,7 @@ class Motions:
         return self._to_curve(arb(0), arb(0))
 
     def time_to_band(self, motion: Motion, band: Fraction) -> arb:
-        """When |e| is below a band for good, in s: the last time that it equals it, or 0.
-
-        Raises:
-            UnresolvedError: |e| only just reaches the band, or not.
-        """
+        """When |e| is below a band for good, in s: the last time that it equals it, or 0."""
         log_q = ball(band).log() / (2 - self.plane.alpha)
         end = motion.end
         if end.slopes is not None or end.log_q < log_q:
@@ -262,17 +258,24 @@ class Motions:
 
         0 where q is never above it.
         """
-        for piece in reversed(motion.pieces):
+        for index, piece in reversed(tuple(enumerate(motion.pieces))):
             start, end = self._height(piece), self._height(piece, piece.leg)
             if piece.leg.sigma == INWARD and not start < log_q and end < log_q:
-                if not start > log_q and piece is not motion.pieces[0]:
-                    raise UnresolvedError("two digits more or less in the resolution will do")
-                return self._crossing_in(piece, log_q)
+                crossing = self._crossing_in(piece, log_q)
+                if start > log_q:
+                    return crossing
+                return self._above_until(motion.pieces[:index], log_q).union(crossing)
         if motion.end.slopes is None or motion.end.log_q < log_q:
             return arb(0)
-        if not motion.end.log_q > log_q and motion.pieces:
-            raise UnresolvedError("two digits more or less in the resolution will do")
-        return (motion.end.time + self._along_curve(motion.end, log_q)).nonnegative_part()
+        after = motion.end.time + self._along_curve(motion.end, log_q)
+        if motion.end.log_q > log_q:
+            return after
+        return self._above_until(motion.pieces, log_q).union(after)
+
+    def _above_until(self, pieces: tuple[Piece, ...], log_q: arb) -> arb:
+        """The start of the last piece that certainly starts above a value of q, else 0."""
+        above = (piece.time for piece in reversed(pieces) if self._height(piece) > log_q)
+        return next(above, arb(0))
 
     def _height(self, piece: Piece, leg: Leg | None = None) -> arb:
         """Logarithm of q at the start of a piece, or after a leg of it."""

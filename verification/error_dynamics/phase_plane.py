@@ -35,7 +35,7 @@ from verification.error_dynamics.model import Parameters
 TERMS = 24
 """Of the Taylor polynomials."""
 _TOLERANCE = 2.0**-58
-"""Remainder that a panel may have, of the logarithm and of the shortest time scale."""
+"""Remainder that a panel may have: of 1 or its growth, and of the shortest time or its own."""
 _FIRST = 2.0**-52
 """Width of the panel at an axis, where a power has no Taylor series, of the unit there."""
 _MOST_HALVINGS = 20_000
@@ -235,7 +235,10 @@ class PhasePlane:
         time_rest = over_speed[TERMS] * _UNIT * 2 / (TERMS + 1)
         primitive = _polynomial(speed).integral()
         duration = _at(primitive, 1) - _at(primitive, -1) + time_rest
-        small = rest.rad() < _TOLERANCE and time_rest.rad() < _TOLERANCE * self.unit / self.KP
+        shortest = self.unit / self.KP
+        small = rest.rad() < _TOLERANCE * (1 + abs(total)) and time_rest.rad() < _TOLERANCE * (
+            shortest + abs(duration)
+        )
         return Leg(chart, sigma, start, end, total, duration) if small else None
 
     def legs(self, chart: Chart, sigma: int, start: arb, end: arb) -> Iterator[Leg]:

@@ -49,7 +49,7 @@ class Twisting:
 
     def time_to_origin(self, e: Fraction, ed: Fraction) -> arb:
         """Settling time in s."""
-        if e == ed == 0:
+        if not (e or ed):
             return arb(0)
         peak, start = (abs(e), arb(0)) if ed == 0 else self._first_rest(e, ed)
         return start + self._half_turn(peak) / (1 - ball(self.ratio).sqrt())

@@ -10,17 +10,23 @@ those of the error e and its rate v themselves, by the chain rule along
 in intervals of decimals that are rounded outward. Every motion's state is a point of one of three
 segments, scaled by (e, v) -> (r^(2 - alpha) e, r v) or its mirror image: e = 1, v = 1 and v = -1.
 What is homogeneous needs to be verified there only.
+
+As a program, ``python -m verification.certificates.error_dynamics.check FILE``, it reads the gains
+from the certificate and says which they are.
 """
 
 from __future__ import annotations
 
 import functools
 import itertools
+import json
 import re
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 _FORMAT = "error-dynamics-lyapunov-1"
@@ -320,3 +326,22 @@ def _verified(function: _Function, face: str, low: Fraction, high: Fraction, dee
     return deeper > 0 and all(
         _verified(function, face, *half, deeper - 1) for half in ((low, middle), (middle, high))
     )
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Verifies the certificate in a file; returns 0, 1 where it is refused, 2 for bad input."""
+    try:
+        (name,) = arguments
+        certificate = json.loads(Path(name).read_text(encoding="utf-8"))
+        gains = {key: _rational(certificate[key]) for key in _PARAMETERS}
+    except (OSError, KeyError, TypeError, ValueError) as error:
+        print(f"error: not one readable certificate: {error}", file=sys.stderr)
+        return 2
+    found = list(complaints(certificate, gains))
+    words = ", ".join(f"{key} = {value}" for key, value in gains.items())
+    print("\n".join(found) if found else f"verified: {certificate['claim']} for {words}")
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
