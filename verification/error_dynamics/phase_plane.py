@@ -38,7 +38,7 @@ _TOLERANCE = 2.0**-58
 """Remainder that a panel may have: of 1 or its growth, and of the shortest time or its own."""
 _FIRST = 2.0**-52
 """Width of the panel at an axis, where a power has no Taylor series, of the unit there."""
-_MOST_HALVINGS = 20_000
+_MOST_HALVINGS = 2000
 _MOST_BITS = 4096
 _EXACT_DENOMINATOR = 2000
 _UNIT = arb(0, 1)
@@ -207,8 +207,18 @@ class PhasePlane:
         rate = direction / shape * ((1 - self.alpha) * growth * _ZERO_TO_ONE).exp()
         return Leg(chart, sigma, start, end, growth, rate * (end - start))
 
-    def panel(self, chart: Chart, sigma: int, start: arb, end: arb) -> Leg | None:
-        """A leg of one panel, away from the axes; None where its remainders are not small."""
+    def panel(
+        self, chart: Chart, sigma: int, start: arb, end: arb, grown: arb | None = None
+    ) -> Leg | None:
+        """A leg of one panel, away from the axes; None where its remainders are not small.
+
+        Args:
+            chart: of the coordinate.
+            sigma: INWARD or OUTWARD.
+            start: where it starts.
+            end: where it ends.
+            grown: growth before it; times count less, the more the scale has shrunk.
+        """
         middle, half = (start + end) / 2, (end - start) / 2
         whole = start.union(end)
         series = arb_series([middle, half])
@@ -235,11 +245,16 @@ class PhasePlane:
         time_rest = over_speed[TERMS] * _UNIT * 2 / (TERMS + 1)
         primitive = _polynomial(speed).integral()
         duration = _at(primitive, 1) - _at(primitive, -1) + time_rest
-        shortest = self.unit / self.KP
-        small = rest.rad() < _TOLERANCE * (1 + abs(total)) and time_rest.rad() < _TOLERANCE * (
-            shortest + abs(duration)
-        )
-        return Leg(chart, sigma, start, end, total, duration) if small else None
+        if not rest.rad() < _TOLERANCE * (1 + abs(total)):
+            return None
+        if not time_rest.rad() < _TOLERANCE * (self.unit / self.KP + abs(duration)):
+            # Where little is left of q, dt = sigma (2 - alpha)/w q^(1 - alpha) d log q will do.
+            if grown is None or chart is Chart.CROSSING or not degree > 0:
+                return None
+            duration = sigma * (2 - self.alpha) * (degree * total).expm1() / (degree * whole)
+            if not duration.rad() * (degree * grown).exp() < _TOLERANCE * self.unit / self.KP:
+                return None
+        return Leg(chart, sigma, start, end, total, duration)
 
     def legs(self, chart: Chart, sigma: int, start: arb, end: arb) -> Iterator[Leg]:
         """A way along one coordinate, in panels as short as the remainders need.
@@ -256,11 +271,12 @@ class PhasePlane:
             yield self._touching_zero(chart, sigma, start, first)
             start = first
         waiting = [(start, first if end == 0 else end)]
-        done = 0
+        done, grown = 0, arb(0)
         while waiting:
             a, b = waiting.pop()
-            leg = self.panel(chart, sigma, a, b)
+            leg = self.panel(chart, sigma, a, b, grown)
             if leg is not None:
+                grown += leg.growth
                 yield leg
                 continue
             done += 1
