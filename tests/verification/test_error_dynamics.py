@@ -11,12 +11,13 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
+from flint import arb
 from scipy.integrate import quad, solve_ivp
 
 from verification import __main__ as command_line
 from verification.error_dynamics import command
 from verification.error_dynamics.analysis import RESOLUTION_RAD, ErrorDynamics, analyse
-from verification.error_dynamics.balls import Enclosure
+from verification.error_dynamics.balls import Enclosure, ball, enclosure, precision
 from verification.error_dynamics.classes import Approach, Kind, classify
 from verification.error_dynamics.model import ErrorDynamicsError, finite_time_beta, parameters
 
@@ -416,6 +417,20 @@ def test_critical_damping_is_recognised_exactly() -> None:
     assert analyse("20.0000000000000000001", 100, 1, 1).equilibrium is Approach.NODE
     assert analyse("19.9999999999999999999", 100, 1, 1).equilibrium is Approach.FOCUS
     assert analyse(20, 100, 1, 1).equilibrium is Approach.CRITICAL
+
+
+def test_bounds_are_rounded_outward() -> None:
+    rng = np.random.default_rng(1)
+    for numerator, denominator in rng.integers(1, 10**15, (200, 2)).tolist():
+        for value in (Fraction(numerator, denominator), -Fraction(numerator, denominator)):
+            with precision(200):
+                low, high = enclosure(ball(value))
+            assert Fraction(low) <= value <= Fraction(high)
+            assert high - low < 1e-15 * abs(low)
+    assert enclosure(arb(0)) == (0.0, 0.0)
+    low, high = enclosure(arb(0, 1e-310))
+    assert low <= -1e-310
+    assert high >= 1e-310
 
 
 # The command

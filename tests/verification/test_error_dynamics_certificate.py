@@ -118,24 +118,23 @@ def test_the_checkers_formulas_are_the_dynamics(face: str, made: Made) -> None:
     for place in (Fraction(1, 7), Fraction(3, 2), Fraction(6)):
         for sign in (1, -1) if face == "e=1" else (1,):
             at = check._exactly(sign * place)
-            W, excess = function.at(face, at, check._ONE)
+            excess = function.at(face, at, check._ONE)
+            assert excess is not None
             with mpmath.workdps(40):
                 free = mpmath.mpf(sign * place.numerator) / place.denominator
                 e, v = (1, free) if face == "e=1" else (free, 1 if face == "v=1" else -1)
 
-                def both(u: Any, e: Any = e, v: Any = v) -> Any:
+                def excess_at(u: Any, e: Any = e, v: Any = v) -> Any:
                     moved = (e, u) if face == "e=1" else (u, v)
                     value, rate = derivative_along_the_dynamics(PAPER, delta, *moved)
                     power = 2 / (3 - mpmath.mpf(8) / 10)
-                    return value, rate + mpmath.mpf(c.numerator) / c.denominator * value**power
+                    return rate + mpmath.mpf(c.numerator) / c.denominator * value**power
 
-                for known, exact in zip((W, excess), both(free), strict=True):
-                    low, high = (
-                        mpmath.mpf(str(end)) for end in (known.value.low, known.value.high)
-                    )
-                    assert abs(low - exact) <= 1e-15 * (1 + abs(exact))
-                    assert high - low <= 1e-20 * (1 + abs(exact))
-                slope = mpmath.diff(lambda u: both(u)[1], free, h=mpmath.mpf("1e-9"))
+                low, high = (mpmath.mpf(str(end)) for end in (excess.value.low, excess.value.high))
+                exact = excess_at(free)
+                assert abs(low - exact) <= 1e-15 * (1 + abs(exact))
+                assert high - low <= 1e-20 * (1 + abs(exact))
+                slope = mpmath.diff(excess_at, free, h=mpmath.mpf("1e-9"))
                 assert mpmath.mpf(str(excess.slope.low)) == pytest.approx(slope, rel=1e-6)
 
 
@@ -157,6 +156,28 @@ def test_a_box_with_a_wrong_place_fails_on_its_own(made: Made) -> None:
     boxes = [(f, Fraction(a), Fraction(b)) for f in FACES for a, b in made["boxes"][f]]
     failed = [(f, a, b) for f, a, b in boxes if not check._verified(larger, f, a, b, 8)]
     assert 0 < len(failed) < len(boxes) / 2
+
+
+def test_no_box_with_a_counterexample_holds(made: Made) -> None:
+    delta, c = Fraction(made["delta"]), Fraction(made["c"])
+    boxes = [(f, Fraction(a), Fraction(b)) for f in FACES for a, b in made["boxes"][f]]
+    # So fast it falls nowhere, and neither does what touches an axis.
+    assert not any(function_of(delta, 40 * c).holds(*box) for box in boxes)
+    # Somewhere W is not positive: a wide box around such a place does not hold for any c.
+    indefinite = function_of(Fraction(4), Fraction(1, 1000))
+    assert not indefinite.holds("e=1", Fraction(-12), Fraction(-1))
+    # Around a place where it falls too slowly, no box holds, however wide.
+    larger = function_of(delta, c * Fraction(105, 100))
+    narrow = [box for box in boxes if not check._verified(larger, *box, 8)]
+    assert narrow
+    for face, low, high in narrow:
+        for widening in (0, 1, 4, 20):
+            wide = low - widening * (high - low), high + widening * (high - low)
+            if low >= 0:
+                wide = max(wide[0], low / 100), wide[1]
+            else:
+                wide = wide[0], min(wide[1], high / 100)
+            assert not larger.holds(face, *wide)
 
 
 # Damaged ones

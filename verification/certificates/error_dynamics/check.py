@@ -220,8 +220,8 @@ class _Function:
     weight: _Interval
     c: Fraction
 
-    def at(self, face: str, place: _Interval, slope: _Interval) -> tuple[_Sloped, _Sloped]:
-        """W, and W' + c W^(2/(3 - alpha)), on a segment.
+    def at(self, face: str, place: _Interval, slope: _Interval) -> _Sloped | None:
+        """W' + c W^(2/(3 - alpha)) on a segment, or None where W may not be positive.
 
         S' = -2 KD |v|^(alpha + 1) is the energy balance (21).
         """
@@ -243,8 +243,10 @@ class _Function:
         if backward:
             product, drag = -product, -drag
         W = S * root + weight * product
+        if W.value.low <= 0:
+            return None
         change = weight * (speed * speed - drag - KP * lever) - degree * root * damping * speed
-        return W, change + c * W ** (2 / (3 - self.alpha))
+        return change + c * W ** (2 / (3 - self.alpha))
 
     def holds(self, face: str, low: Fraction, high: Fraction) -> bool:
         """Whether W > 0 and W' + c W^(2/(3 - alpha)) <= 0 in a box.
@@ -253,13 +255,12 @@ class _Function:
         """
         box = _Interval(_exactly(low).low, _exactly(high).high)
         if low == 0 or high == 0:
-            plain_W, plain = (quantity.value for quantity in self.at(face, box, _ZERO))
-            return plain_W.low > 0 and plain.high <= 0
+            plain = self.at(face, box, _ZERO)
+            return plain is not None and plain.value.high <= 0
         middle = _exactly((low + high) / 2)
-        W, excess = self.at(face, box, _ONE)
-        if W.value.low <= 0:
+        excess, central = self.at(face, box, _ONE), self.at(face, middle, _ZERO)
+        if excess is None or central is None:
             return False
-        _, central = self.at(face, middle, _ZERO)
         return (central.value + excess.slope * (box - middle)).high <= 0
 
 
