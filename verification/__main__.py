@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -29,6 +29,8 @@ from verification.certificates.sig_pow.present import Verdict, shipped, verdict
 from verification.chain.links import BLOCK_STEPS, blocks_of, chain
 from verification.chain.present import failures, notes, table_of
 from verification.equivalence import check_all, summary, variants
+from verification.error_dynamics import command as error_dynamics
+from verification.error_dynamics.model import ErrorDynamicsError
 from verification.evidence import RESULTS, current_json, plain, write_json
 from verification.experiments import (
     ALL,
@@ -44,10 +46,12 @@ from verification.sampled_stability import command as sampled_interval
 from verification.sampled_stability.loop import LoopError
 from verification.special_cases import present as special
 from verification.special_cases.laws import CASES
-from verification.symbolic import Proof, all_proofs
 from verification.table2 import present as table2
 from verification.table2.fly import PLANTS, fly_table
 from verification.table2.fly import figures as figures_of_table2
+
+if TYPE_CHECKING:
+    from verification.symbolic import Proof
 
 REPORT = BUILD / "report"
 DEFAULT_STEPS = 100_000
@@ -71,6 +75,7 @@ _BAD_INPUT = (
     ToolError,
     KernelError,
     LoopError,
+    ErrorDynamicsError,
     OSError,
 )
 
@@ -106,6 +111,9 @@ def _leave(data: Any, name: str, as_json: bool, console: Console) -> None:
 
 
 def _proofs(progress: Console) -> tuple[Proof, ...]:
+    # SymPy, and Matplotlib below, take long to import; most commands need neither.
+    from verification.symbolic import all_proofs
+
     with progress.status("computer algebra"):
         return all_proofs()
 
@@ -416,6 +424,9 @@ def _parser() -> argparse.ArgumentParser:
     table = command("table2", _table2, "every row of the paper's Table II on four plants")
     table2.add_arguments(table)
     with_json(table)
+    error_dynamics.add_arguments(
+        command(error_dynamics.NAME, error_dynamics.run, error_dynamics.SAYS)
+    )
     with_json(command("experiments", _experiments, "Table II and more, flown on the plant"))
     with_json(command("symbolic", _symbolic, "the proofs in computer algebra"))
     return parser

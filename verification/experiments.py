@@ -197,7 +197,8 @@ def rank_correlation(rows: Sequence[Beside]) -> tuple[float, ...]:
     It says whether the rows come in the same order; it is no strong evidence by itself, since
     even a plant without friction keeps most of the order.
     """
-    from scipy.stats import spearmanr  # takes half a second to import
+    # Half a second to import, which every other command would wait for.
+    from scipy.stats import spearmanr
 
     joints = range(len(rows[0].ours_deg))
     return tuple(
