@@ -509,7 +509,7 @@ def test_a_controller_in_double_is_refused() -> None:
 @pytest.fixture
 def results_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Where the command leaves its figures, instead of those of a whole run."""
-    monkeypatch.setattr("verification.__main__.RESULTS", tmp_path)
+    monkeypatch.setattr("verification.commands.output.RESULTS", tmp_path)
     monkeypatch.setenv("COLUMNS", "160")
     return tmp_path
 

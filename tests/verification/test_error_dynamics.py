@@ -15,7 +15,6 @@ from flint import arb
 from scipy.integrate import quad, solve_ivp
 
 from verification import __main__ as command_line
-from verification.error_dynamics import command
 from verification.error_dynamics.analysis import RESOLUTION_RAD, ErrorDynamics, analyse
 from verification.error_dynamics.balls import Enclosure, ball, enclosure, precision
 from verification.error_dynamics.classes import Approach, Kind, classify
@@ -438,7 +437,7 @@ def test_bounds_are_rounded_outward() -> None:
 
 @pytest.fixture
 def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(command, "RESULTS", tmp_path)
+    monkeypatch.setattr("verification.commands.output.RESULTS", tmp_path)
     monkeypatch.setenv("COLUMNS", "160")
     return tmp_path
 

@@ -227,7 +227,7 @@ def test_small_numbers_are_written_for_a_reader(value: float, text: str) -> None
 
 @pytest.fixture
 def scratch(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    monkeypatch.setattr("verification.__main__.RESULTS", tmp_path)
+    monkeypatch.setattr("verification.commands.output.RESULTS", tmp_path)
     return tmp_path
 
 

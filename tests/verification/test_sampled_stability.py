@@ -474,7 +474,7 @@ def run(*arguments: str) -> int:
 def test_the_command_tells_and_leaves_the_interval(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(command_line, "RESULTS", tmp_path)
+    monkeypatch.setattr("verification.commands.output.RESULTS", tmp_path)
     file = tmp_path / "certificate.json"
     assert run(*ARGUMENTS, "0.001", "--json", "--certificate", str(file)) == 0
     told = json.loads(capsys.readouterr().out)
@@ -497,7 +497,7 @@ def test_the_command_tells_and_leaves_the_interval(
 def test_options_reach_the_loop(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(command_line, "RESULTS", tmp_path)
+    monkeypatch.setattr("verification.commands.output.RESULTS", tmp_path)
     told = {}
     for words, loop in (
         (["--acceleration", "delayed"], replace(PAPER, acceleration="delayed")),
@@ -552,7 +552,7 @@ def test_bad_input_is_refused(
 def test_a_certificate_that_is_not_verified_fails(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(command_line, "RESULTS", tmp_path)
+    monkeypatch.setattr("verification.commands.output.RESULTS", tmp_path)
     monkeypatch.setattr(
         "verification.sampled_stability.command.complaints", lambda _: ["something [is] wrong"]
     )

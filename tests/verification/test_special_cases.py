@@ -239,7 +239,7 @@ def run(arguments: Sequence[str]) -> int:
 def test_the_command_tells_and_leaves_the_figures(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(command, "RESULTS", tmp_path)
+    monkeypatch.setattr("verification.commands.output.RESULTS", tmp_path)
     assert run(["--controller", "puma3", "--ticks", "100", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told == json.loads((tmp_path / "special_cases.json").read_text())
@@ -270,7 +270,7 @@ def test_a_difference_is_the_command_s_failure(
     ) -> present.SpecialCases:
         return examine(controllers, ticks, [wrong], advance)
 
-    monkeypatch.setattr(command, "RESULTS", tmp_path)
+    monkeypatch.setattr("verification.commands.output.RESULTS", tmp_path)
     monkeypatch.setattr(present, "examine", with_a_wrong_law)
     assert run(["--controller", "puma3", "--ticks", "100"]) == 1
     said = capsys.readouterr().out

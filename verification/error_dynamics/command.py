@@ -8,18 +8,15 @@ from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from verification.commands.output import Output
 from verification.error_dynamics.analysis import RESOLUTION_RAD, ErrorDynamics, analyse
 from verification.error_dynamics.balls import Enclosure
 from verification.error_dynamics.classes import Approach, Kind
 from verification.error_dynamics.model import FINITE_TIME, ErrorDynamicsError, show
-from verification.evidence import RESULTS, write_json
 
-NAME = "error-dynamics"
-SAYS = "how the desired error dynamics ends, and when, for one joint's gains and exponents"
 _DIGITS = 9
 
 
@@ -40,13 +37,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
             name, default=default, metavar="NUMBER", help=f"{says} (default: %(default)s)"
         )
-    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
     parser.add_argument(
         "--certificate", type=Path, metavar="FILE", help="write the Lyapunov certificate there"
     )
 
 
-def run(arguments: argparse.Namespace, console: Console, _: Console) -> int:
+def run(arguments: argparse.Namespace, output: Output) -> int:
     """Analyses, prints, and leaves the figures beside what it prints.
 
     Raises:
@@ -63,13 +59,11 @@ def run(arguments: argparse.Namespace, console: Console, _: Console) -> int:
     )
     if arguments.certificate is not None:
         _write_certificate(found, arguments.certificate)
-    path = write_json(found.summary(), RESULTS / "error_dynamics.json")
-    if arguments.json:
-        print(path.read_text(encoding="utf-8"), end="")
-        return 0
-    console.print(table_of(found))
-    for note in notes(found):
-        console.print(escape(note))
+    if not output.as_json:
+        output.console.print(table_of(found))
+        for note in notes(found):
+            output.console.print(escape(note))
+    output.leave(found.summary(), "error_dynamics")
     return 0
 
 

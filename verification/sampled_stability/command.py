@@ -21,8 +21,6 @@ from verification.sampled_stability.check import complaints
 from verification.sampled_stability.intervals import Analysis, Interval, analyse, certificate
 from verification.sampled_stability.loop import Loop, LoopError, low_pass_ratio
 
-SAYS = "for which Mbar/M the sampled law is stable: exact ends, proved and checked"
-
 MEANING = (
     "Stable: every motion of the loop dies out. It is one joint with the linear law (alpha = beta "
     "= gamma = 1) without saturation, M(q) frozen, no friction, torque held between the samples. "

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Iterable, Sequence
 
-from rich.console import Console
 from rich.table import Table
 
 from verification.paper import REFERENCE_ROW, table_2
@@ -17,12 +15,9 @@ from verification.table2.fly import (
     PLANTS,
     TableOf,
     TablePlant,
-    fly_table,
     paper_ratios,
     ratio_name,
 )
-
-Bar = Callable[[Console, str, int], AbstractContextManager[Callable[[int], None]]]
 
 
 def table_of(table: TableOf) -> Table:
@@ -74,13 +69,9 @@ def summary(table: TableOf) -> tuple[str, ...]:
     )
 
 
-def fly(arguments: argparse.Namespace, progress: Console, bar: Bar) -> tuple[TableOf, ...]:
-    """Flies what the command's arguments ask for, under a progress bar."""
-    plants: Sequence[TablePlant] = [
-        plant for plant in PLANTS if not arguments.plant or plant.name in arguments.plant
-    ]
-    with bar(progress, "rows of Table II", len(plants) * len(table_2())) as advance:
-        return fly_table(plants, arguments.phases, advance=lambda: advance(1))
+def chosen(arguments: argparse.Namespace) -> Sequence[TablePlant]:
+    """The plants that the command's arguments ask for."""
+    return [plant for plant in PLANTS if not arguments.plant or plant.name in arguments.plant]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -1,0 +1,59 @@
+"""What every command has: where it prints, how it shows progress, and the JSON that it leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from verification.evidence import RESULTS, write_json
+
+
+@dataclass(frozen=True)
+class Output:
+    """Where a command's output goes.
+
+    Attributes:
+        as_json: prints the JSON that is left in place of tables.
+        console: for people.
+        progress: standard error, for what is seen while it lasts.
+    """
+
+    as_json: bool
+    console: Console
+    progress: Console
+
+    @contextmanager
+    def bar(self, says: str, total: int) -> Iterator[Callable[[int], None]]:
+        """A progress bar; yields what moves it on."""
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+        )
+        with Progress(*columns, console=self.progress, transient=True) as progress:
+            task = progress.add_task(says, total=total)
+            yield lambda done: progress.advance(task, done)
+
+    def status(self, says: str) -> AbstractContextManager[object]:
+        """Shows that something goes on."""
+        return self.progress.status(says)
+
+    def leave(self, data: Any, name: str) -> None:
+        """Writes a command's figures beside what it prints."""
+        path = write_json(data, RESULTS / f"{name}.json")
+        if self.as_json:
+            print(path.read_text(encoding="utf-8"), end="")
+        else:
+            self.console.print(f"figures: {shown(path)}")
+
+
+def shown(path: Path) -> Path:
+    """A path as a person in the current folder writes it."""
+    return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
