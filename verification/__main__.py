@@ -19,6 +19,7 @@ from codegen.literals import UnprintableError
 from codegen.problems import SpecificationError
 from codegen.source import GenerationError
 from plant.assembly import PlantError
+from plant.campaign.runs import CampaignError
 from plant.closed_loop import ControllerError
 from plant.controller import LayoutError
 from plant.native import BUILD, CompilerError
@@ -28,6 +29,8 @@ from verification.certificates.sig_pow.kernel import KernelError
 from verification.certificates.sig_pow.present import Verdict, shipped, verdict
 from verification.chain.links import BLOCK_STEPS, blocks_of, chain
 from verification.chain.present import failures, notes, table_of
+from verification.claim import present as claimed
+from verification.claim.flown import ClaimError
 from verification.equivalence import check_all, summary, variants
 from verification.evidence import RESULTS, current_json, plain, write_json
 from verification.experiments import (
@@ -68,6 +71,8 @@ _BAD_INPUT = (
     CompilerError,
     ToolError,
     KernelError,
+    CampaignError,
+    ClaimError,
     OSError,
 )
 
@@ -267,6 +272,17 @@ def _accuracy(arguments: argparse.Namespace, console: Console, progress: Console
     return 0
 
 
+def _claim(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
+    with progress.status("campaigns"):
+        claim, pictures = claimed.examine(
+            claimed.SPECIFICATIONS, arguments.results, claimed.PICTURES
+        )
+    if not arguments.json:
+        claimed.show(claim, pictures, console)
+    _leave(plain(claim), "claim", arguments.json, console)
+    return 0
+
+
 def _report(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
     controllers = _controllers(NAMES)
     proofs = _proofs(progress)
@@ -369,6 +385,10 @@ def _parser() -> argparse.ArgumentParser:
         "--phases", type=int, default=PHASES, help="encoder phases (default: %(default)s)"
     )
     with_json(accuracy)
+
+    claim = command("claim", _claim, "how far Table II holds on random plants, as make claim flew")
+    claimed.add_arguments(claim)
+    with_json(claim)
 
     says = "the error of sig_pow for every float and every exponent, proved and checked"
     kernel = command("sig-pow", _sig_pow, says)
