@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +12,15 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from mpmath import mp, mpf
+from scipy.integrate import solve_ivp
 from scipy.stats import spearmanr
 
 from plant.__main__ import main as fly
 from verification.__main__ import main
 from verification.claim import present
-from verification.claim.figures import draw
+from verification.claim.figures import SafeMap, draw
 from verification.claim.flown import LOST_DEG, VIBRATING, ClaimError, Flown, State, flown
+from verification.claim.linear import joints_of, motor_bound, tick
 from verification.claim.statistics import (
     RATIO_ROWS,
     Share,
@@ -131,7 +134,7 @@ def test_states_are_told_by_the_worst_joint() -> None:
     states = arrays.states[:, ROWS.index("Exp08")].tolist()
     assert states == [State.FINE, State.VIBRATING, State.FINE, State.DIVERGED]
     found = standing(arrays)
-    by_delay = [g.fine.count for g in found.groups if g.by == "torque delay"]
+    by_delay = [g.fine.count for g in found.groups if g.by == "delay"]
     assert by_delay == [1, 0, 1, 0, 0]
     of_state = [g.plants for g in found.groups if g.by == "Exp08"]
     assert of_state == [2, 1, 1]
@@ -236,14 +239,82 @@ def test_a_table_with_several_seeds_is_refused() -> None:
 
 
 def test_pictures_have_the_same_bytes_every_time(tmp_path: Path) -> None:
-    arrays = _flown(_ended(_table(), 2, "Exp08"))
+    spread = {
+        "torque_delay_ticks": [0.0, 0.1, 0.2, 0.3],
+        "stiffness_factor": [0.1, 1.0, 2.0, 9.0],
+    }
+    arrays = _flown(_ended(_table(4, ROWS, **spread), 2, "Exp08"))
+    safe = SafeMap(arrays, joints_of(MAP))
     campaigns = {"rigid": arrays, "flexible": arrays}
     standings = {name: standing(arrays) for name in campaigns}
-    one, other = (draw(campaigns, standings, arrays, tmp_path / name) for name in ("a", "b"))
+    one, other = (draw(campaigns, standings, safe, tmp_path / name) for name in ("a", "b"))
     assert [path.read_bytes() for path in one] == [path.read_bytes() for path in other]
     text = (tmp_path / "a" / "safe_map.svg").read_text(encoding="utf-8")
     assert "fine: 3" in text
     assert "diverged: 1" in text
+
+
+# --- Linear theory -----------------------------------------------------------------------------
+
+MAP = ROOT / "plant" / "campaigns" / "safe_map.toml"
+
+
+def test_a_tick_of_the_linear_loop_is_that_of_an_integration() -> None:
+    joint, delay = joints_of(MAP)[2], 0.3
+    rng = np.random.default_rng(4)
+    state = rng.standard_normal(7) * np.array([1.0, 1e2, 1.0, 1e2, 1e4, 1.0, 1.0])
+    theta, before, twice = state[0], state[5], state[6]
+    L = joint.sample_time_s
+    wanted = joint.kd_per_s * (theta - before) / L + joint.kp_per_s2 * theta
+    torque = state[4] - joint.mbar_kgm2 * (wanted + (theta - 2 * before + twice) / L**2)
+
+    def motion(_: float, x: Any, u: float) -> list[float]:
+        spring = joint.stiffness_Nm_per_rad * (x[0] - x[2])
+        spring += joint.damping_Nms_per_rad * (x[1] - x[3])
+        return [x[1], (u - spring) / joint.rotor_kgm2, x[3], spring / joint.link_kgm2]
+
+    x = state[:4]
+    for u, duration in ((state[4], delay * L), (torque, (1 - delay) * L)):
+        x = solve_ivp(motion, (0, duration), x, args=(u,), rtol=1e-11, atol=1e-9).y[:, -1]
+    np.testing.assert_allclose(tick(joint, delay) @ state, [*x, torque, theta, before], rtol=1e-8)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.2, 0.7])
+def test_the_cubic_is_the_free_motors_loop(delay: float) -> None:
+    joint = replace(
+        joints_of(MAP)[0],
+        stiffness_Nm_per_rad=0.0,
+        damping_Nms_per_rad=0.0,
+        kd_per_s=0.0,
+        kp_per_s2=0.0,
+    )
+    r, c0, c2 = joint.mbar_kgm2 / joint.rotor_kgm2, (1 - delay) ** 2 / 2, delay**2 / 2
+    roots = np.roots([1.0, r * c0 - 1.0, r * (1.0 - c0 - c2), r * c2])
+    eigenvalues = np.linalg.eigvals(tick(joint, delay))
+    for root in roots:
+        assert np.abs(eigenvalues - root).min() < 1e-6
+
+
+@pytest.mark.parametrize(("ratio", "delay"), [(1.99, 0.0), (2.01, 0.0), (0.5, 1.0)])
+def test_without_delay_mbar_may_be_twice_the_inertia(ratio: float, delay: float) -> None:
+    joint = replace(joints_of(MAP)[0], mbar_kgm2=ratio, rotor_kgm2=1.0)
+    bound = motor_bound(joint)
+    assert bound == delay if ratio != 1.99 else 0.0 < bound < 0.01
+
+
+def test_the_bound_separates_growing_from_decaying_vibration() -> None:
+    """The elbow flown tick by tick behind a soft spring, on either side of its bound."""
+    joint = joints_of(MAP)[2]
+    bound = motor_bound(joint)
+    for delay, grows in ((bound - 0.03, False), (bound + 0.03, True)):
+        state = np.array([1e-3, 0, 0, 0, 0, 1e-3, 1e-3])
+        step, torques = tick(joint.stiffer(1e-3), delay), []
+        for _ in range(400):
+            state = step @ state
+            torques.append(state[4])
+        # Differences are free of the slow motion on the spring.
+        vibration = np.abs(np.diff(torques, 3))
+        assert bool(vibration[-50:].max() > vibration[:50].max()) is grows
 
 
 # --- The command -------------------------------------------------------------------------------
@@ -290,6 +361,7 @@ def test_campaigns_end_to_end(
     found = json.loads(capsys.readouterr().out)
     assert found["evidence"] == "sampled"
     assert found["rigid"]["plants"] == 3
+    assert [round(b["mbar_over_rotor"], 2) for b in found["linear"]] == [1.27, 1.01, 1.63]
     assert [row["row"] for row in found["flexible"]["rows"]] == list(ROWS)
     assert {band["row"] for band in found["safe_map"]} == {"Exp01", "Exp02", "Exp05", "Exp08"}
     assert sum(b["plants"] for b in found["safe_map"] if b["row"] == "Exp08") == 2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter, PercentFormatter
 
 from verification.claim.flown import Floats, Flown, State
+from verification.claim.linear import Joint, radius
 from verification.claim.statistics import (
     RATIO_ROWS,
     Group,
@@ -22,7 +24,7 @@ from verification.claim.statistics import (
 )
 from verification.paper import REFERENCE_ROW
 from verification.report.figures import LABELS
-from verification.report.style import INK, PALETTE, WIDTH_IN, house_style
+from verification.report.style import INK, PALETTE, WIDTH_IN, house_style, write_svg
 
 _STATES = {
     State.FINE: ("fine", "o", PALETTE[2]),
@@ -30,16 +32,23 @@ _STATES = {
     State.DIVERGED: ("diverged", "x", PALETTE[3]),
 }
 _DELAY = "torque delay [sample times]"
+_LINES = ("--", ":", "-")
 
 
 def correlations(campaigns: Mapping[str, Flown]) -> Figure:
-    """The share of plants whose rank correlation with Table II is at most so large."""
+    """The share of plants whose rank correlation with Table II is at most so large.
+
+    Most of it is at 1; the logarithmic share shows the few that are not.
+    """
     figure, panels = _panels(len(campaigns), 1.75)
     for axes, (name, flown) in zip(panels, campaigns.items(), strict=True):
         for j, values in enumerate(rank_correlations(flown).T):
             axes.ecdf(values[np.isfinite(values)], color=PALETTE[j], label=f"joint {j + 1}")
         axes.set_title(f"{name} joints, {flown.plants} plants")
-        _shares(axes)
+        axes.set_yscale("log")
+        axes.set_ylim(0.5 / flown.plants, 1.3)
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda share, _: f"{100 * share:g}%"))
+        axes.set_ylabel("plants")
     panels[-1].set_xlabel("Spearman's rank correlation with Table II")
     _legend(figure, panels[0], 3)
     return figure
@@ -104,15 +113,34 @@ def _whiskers(shares: Sequence[Share]) -> Floats:
     return np.array([(s.share - s.low, s.high - s.share) if s.of else (0.0, 0.0) for s in shares]).T
 
 
-def safe_map(flown: Flown, row: str = REFERENCE_ROW) -> Figure:
-    """How a row went against the delay of the torque and the stiffness of the joints."""
-    figure = Figure(figsize=(WIDTH_IN, 3.6), layout="constrained")
+@dataclass(frozen=True, eq=False)
+class SafeMap:
+    """The campaign of the map, and the joints of its nominal plant."""
+
+    flown: Flown
+    joints: tuple[Joint, ...]
+
+
+def safe_map(of: SafeMap, row: str = REFERENCE_ROW) -> Figure:
+    """How a row went against the delay of the torque and the stiffness of the joints.
+
+    Lines are the bounds of linear theory (:mod:`verification.claim.linear`), one a joint.
+    """
+    figure = Figure(figsize=(WIDTH_IN, 3.9), layout="constrained")
     axes = figure.subplots()
+    flown = of.flown
     _points(axes, flown, row, flown.stiffness_factor, 13.0)
     _logarithmic(axes)
+    # As far as the points reach.
+    delays, factors = np.linspace(*axes.get_xlim(), 41), np.geomspace(*axes.get_ylim(), 41)
+    delays = delays[(delays >= 0.0) & (delays <= 1.0)]
+    for j, (joint, style) in enumerate(zip(of.joints, _LINES, strict=False)):
+        radii = [[radius(joint.stiffer(factor), d) for d in delays] for factor in factors]
+        axes.contour(delays, factors, radii, [1.0], colors=INK, linestyles=style, linewidths=1.2)
+        axes.plot([], [], color=INK, linestyle=style, label=f"joint {j + 1}, linear")
     axes.set_xlabel(_DELAY)
     axes.set_ylabel("stiffness [times the reference's]")
-    _legend(figure, axes, 3)
+    _legend(figure, axes, 2)
     return figure
 
 
@@ -121,7 +149,7 @@ def safe_maps(flown: Flown) -> Figure:
     figure = Figure(figsize=(WIDTH_IN, 4.4), layout="constrained")
     panels = figure.subplots(2, -(-len(flown.rows) // 2), sharex=True, sharey=True, squeeze=False)
     for axes, row in zip(panels.flat, flown.rows, strict=False):
-        _points(axes, flown, row, flown.stiffness_factor, 5.0)
+        _points(axes, flown, row, flown.stiffness_factor, 5.0, counted=False)
         _logarithmic(axes)
         axes.set_title(LABELS.get(row, row))
     figure.supxlabel(_DELAY, fontsize=9.5)
@@ -141,7 +169,9 @@ def rigid_map(flown: Flown, row: str = REFERENCE_ROW) -> Figure:
     return figure
 
 
-def _points(axes: Axes, flown: Flown, row: str, height: Floats, size: float) -> None:
+def _points(
+    axes: Axes, flown: Flown, row: str, height: Floats, size: float, *, counted: bool = True
+) -> None:
     states = flown.states[:, flown.index(row)]
     for state, (label, marker, colour) in _STATES.items():
         there = states == state
@@ -152,7 +182,7 @@ def _points(axes: Axes, flown: Flown, row: str, height: Floats, size: float) -> 
             marker=marker,
             color=colour,
             linewidths=0.8 if marker == "x" else 0.0,
-            label=f"{label}: {np.count_nonzero(there)}",
+            label=f"{label}: {np.count_nonzero(there)}" if counted else label,
         )
 
 
@@ -182,14 +212,14 @@ def _legend(figure: Figure, axes: Axes, columns: int) -> None:
 
 
 def draw(
-    campaigns: Mapping[str, Flown], standings: Mapping[str, Standing], mapped: Flown, folder: Path
+    campaigns: Mapping[str, Flown], standings: Mapping[str, Standing], safe: SafeMap, folder: Path
 ) -> list[Path]:
     """Writes all pictures as SVG, the same bytes for the same figures.
 
     Args:
         campaigns: by the kind of their joints, ``rigid`` among them.
         standings: of the same campaigns.
-        mapped: the campaign of the safe map.
+        safe: of the safe map.
         folder: where to; made if it is not there.
     """
     with house_style():
@@ -197,16 +227,9 @@ def draw(
             "rank_correlation": correlations(campaigns),
             **{f"ratios_{name}": ratio_spreads(flown) for name, flown in campaigns.items()},
             "best": best_shares(standings),
-            "safe_map": safe_map(mapped),
-            "safe_map_rows": safe_maps(mapped),
+            "safe_map": safe_map(safe),
+            "safe_map_rows": safe_maps(safe.flown),
             "safe_map_rigid": rigid_map(campaigns["rigid"]),
         }
         folder.mkdir(parents=True, exist_ok=True)
-        return [_save(figure, folder / f"{name}.svg") for name, figure in figures.items()]
-
-
-def _save(figure: Figure, path: Path) -> Path:
-    # Dates and versions would make every build another file.
-    quiet = {"Date": None, "Creator": None}
-    figure.savefig(path, format="svg", facecolor="white", metadata=quiet)
-    return path
+        return [write_svg(figure, folder / f"{name}.svg") for name, figure in figures.items()]

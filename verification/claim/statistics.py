@@ -215,7 +215,7 @@ def _groups(flown: Flown) -> Iterator[Group]:
         yield _group(flown.where(flown.friction_model == name), "friction", name)
     for low, high in pairwise(DELAY_ENDS):
         within = (flown.torque_delay >= low) & (flown.torque_delay < high)
-        yield _group(flown.where(within), "torque delay", f"{low:g} to {high:g} L")
+        yield _group(flown.where(within), "delay", f"{low:g} to {high:g} L")
 
 
 def _group(flown: Flown, by: str, value: str) -> Group:
