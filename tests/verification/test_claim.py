@@ -213,9 +213,9 @@ def test_bands_of_the_map_tell_the_delays() -> None:
     assert len(found) == 12
     stiff = found["Exp08", 10.0]
     assert (stiff.plants, stiff.fine.count) == (3, 1)
-    assert (stiff.last_fine, stiff.first_vibrating, stiff.first_diverged) == (0.1, 0.2, 0.3)
+    assert (stiff.last_fine, stiff.first_not_fine, stiff.first_diverged) == (0.1, 0.2, 0.3)
     soft = found["Exp08", 0.2]
-    assert (soft.last_fine, soft.first_vibrating, soft.first_diverged) == (0.4, None, None)
+    assert (soft.last_fine, soft.first_not_fine, soft.first_diverged) == (0.4, None, None)
     assert found["Exp08", 1.0].plants == 0
     assert found["Exp01", 10.0].fine.count == 3
 

@@ -176,17 +176,17 @@ def _name(group: Group) -> str:
 
 def _map(bands: Sequence[Band]) -> Table:
     table = _table(
-        f"{REFERENCE_ROW} with flexible joints: delays at which it is fine [L]",
+        f"{REFERENCE_ROW} with flexible joints, by stiffness: delays [L]",
         "stiffness",
         "plants",
         "fine in %",
-        "all to",
-        "none from",
-        "diverging from",
+        "last fine",
+        "first not",
+        "first diverged",
     )
     for band in bands:
         low, high = band.stiffness_factor
-        delays = (band.first_vibrating, band.last_fine, band.first_diverged)
+        delays = (band.last_fine, band.first_not_fine, band.first_diverged)
         table.add_row(
             f"{low:.3g} to {high:.3g}",
             str(band.plants),

@@ -133,7 +133,7 @@ class Band:
         stiffness_factor: both ends.
         plants: how many.
         fine: where it neither vibrates nor diverges.
-        first_vibrating: the smallest delay at which it is not fine; None: it is wherever tried.
+        first_not_fine: the smallest delay at which it is not fine; None: it is wherever tried.
         last_fine: the largest delay at which it is fine; None: it is nowhere.
         first_diverged: the smallest delay at which it diverges; None: it doesn't.
     """
@@ -142,7 +142,7 @@ class Band:
     stiffness_factor: tuple[float, float]
     plants: int
     fine: Share
-    first_vibrating: float | None
+    first_not_fine: float | None
     last_fine: float | None
     first_diverged: float | None
 
