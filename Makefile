@@ -82,7 +82,7 @@ pil: setup
 accuracy: setup
 	@$(run) -m verification accuracy
 
-## Table II on 1300 random plants, and where its gains are safe; half an hour
+## Table II on over 1000 random plants, and where its gains are safe: half an hour
 .PHONY: claim
 claim: setup
 # What is interrupted goes on where it was; what is flown already is not flown again.

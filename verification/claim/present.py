@@ -125,7 +125,9 @@ def show(claim: Claim, pictures: Sequence[Path], console: Console) -> None:
 
 
 def _table(title: str, *columns: str) -> Table:
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    table = Table(
+        title=title, title_justify="left", box=None, pad_edge=False, collapse_padding=True
+    )
     for column in columns:
         table.add_column(escape(column), no_wrap=True)
     return table
@@ -166,7 +168,7 @@ def _groups(found: Standing) -> Table:
 def _correlations(found: Standing) -> Table:
     table = _table("Spearman's rank correlation with Table II", "group", *_JOINTS)
     for group in found.groups:
-        table.add_row(_name(group), *map(_spread, group.correlation))
+        table.add_row(_name(group), *(_spread(s, ".2f") for s in group.correlation))
     return table
 
 
@@ -206,10 +208,13 @@ def _shares(shares: Sequence[Share]) -> str:
     return " ".join(f"{100 * s.share:.1f}" if s.of else "-" for s in shares)
 
 
-def _spread(spread: Spread) -> str:
+def _spread(spread: Spread, as_: str = ".3g") -> str:
     if not spread.plants:
         return "-"
-    return escape(f"{spread.median:.3g} [{spread.percentile_5:.3g}, {spread.percentile_95:.3g}]")
+    low, middle, high = (
+        format(x, as_) for x in (spread.percentile_5, spread.median, spread.percentile_95)
+    )
+    return escape(f"{middle} [{low}, {high}]")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
