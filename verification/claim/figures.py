@@ -82,7 +82,7 @@ def best_shares(standings: Mapping[str, Standing]) -> Figure:
     figure = Figure(figsize=(WIDTH_IN, 2.6), layout="constrained")
     axes = figure.subplots()
     bars = [
-        (f"{name} joints, {says}", group)
+        (f"{name}, {says}", group)
         for name, standing in standings.items()
         for says, group in (("all plants", standing.whole), ("where it is fine", _fine(standing)))
     ]
@@ -164,7 +164,7 @@ def rigid_map(flown: Flown, row: str = REFERENCE_ROW) -> Figure:
     axes = figure.subplots()
     _points(axes, flown, row, flown.inertia_factor[:, -1], 11.0)
     axes.set_xlabel(_DELAY)
-    axes.set_ylabel("last link's inertia [times the reference's]")
+    axes.set_ylabel("last link's inertia [relative]")
     _legend(figure, axes, 3)
     return figure
 
