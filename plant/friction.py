@@ -1,4 +1,4 @@
-"""Joint friction: LuGre and Coulomb-Stribeck, ready for a linearly implicit velocity step.
+"""Joint friction: LuGre, Dahl and Coulomb-Stribeck, for a linearly implicit velocity step.
 
 A step of length h with the velocity v frozen gives the new internal state, the friction torque F
 at that state and the derivative D = dF/dv >= 0. The integrator then solves
@@ -15,6 +15,10 @@ as the torque level of the Stribeck curve (level = sigma0 g):
     F     = sigma0 z + sigma1 dz/dt + sigma2 v               their (3)
     level = Fc + (Fs - Fc) exp(-(v / vs)^2)                  their (4)
 
+Without bristle damping, sigma1 = 0, and without the Stribeck effect, Fs = Fc, it is the model that
+it grew from: P. R. Dahl, A solid friction model, The Aerospace Corporation,
+TOR-0158(3107-18)-1, 1968, here with viscous friction beside.
+
 The classes work on sequences of floats, one entry for each joint: for three to six joints that is
 several times faster than numpy, whose cost is per call. What a joint does over a step is written
 once for all kinds of numbers (:class:`Functions`): the compiled backend puts CasADi expressions
@@ -26,7 +30,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol
 
 Number = Any
@@ -242,6 +246,20 @@ class LuGreJoint:
             stiffness * deflection + damping * (deflection - z) / step_s + viscous * v,
             (stiffness + damping / step_s) * slope + viscous,
         )
+
+
+def dahl_joint(
+    curve: StribeckCurve, presliding_rad: float, viscous_Nms_per_rad: float
+) -> LuGreJoint:
+    """Dahl's friction of one joint: dz/dt = v - sigma0 |v| z / Fc, F = sigma0 z + viscous v.
+
+    Args:
+        curve: whose level in fast motion is Fc at any speed.
+        presliding_rad: Fc / sigma0 > 0, the mean of both directions.
+        viscous_Nms_per_rad: viscous friction >= 0.
+    """
+    flat = replace(curve, static_over_coulomb=1.0)
+    return LuGreJoint(flat, flat.mean_static_level / presliding_rad, 0.0, viscous_Nms_per_rad)
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,7 @@ from plant.friction import (
     LuGre,
     LuGreJoint,
     StribeckCurve,
+    dahl_joint,
 )
 from plant.trajectory import RestToRest, to_and_fro
 from plant.urdf import TURNING, UrdfBody, UrdfError, UrdfJoint, package_file, read_urdf
@@ -52,7 +53,7 @@ Pair = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)]
 JointNumber = Annotated[int, Field(ge=1)]
 JointNumbers = list[JointNumber]
 Side = Literal["motor", "joint"]
-FrictionName = Literal["lugre", "coulomb-stribeck"]
+FrictionName = Literal["lugre", "dahl", "coulomb-stribeck"]
 
 
 class RobotError(ValueError):
@@ -139,9 +140,9 @@ class StribeckTable(_SourcedTable):
 
 
 class BristleTable(_SourcedTable):
-    """``[friction.bristle]``: LuGre's presliding, at the joint.
+    """``[friction.bristle]``: LuGre's and Dahl's presliding, at the joint.
 
-    sigma0 is the static level over ``presliding_rad``; ``damping_Nms_per_rad`` is sigma1.
+    sigma0 is the static level over ``presliding_rad``; ``damping_Nms_per_rad`` is LuGre's sigma1.
     """
 
     presliding_rad: Positive | list[Positive]
@@ -337,6 +338,18 @@ def read_robot_file(path: Path) -> RobotFile:
         RobotError: it is no TOML or breaks a rule; all broken rules are listed.
     """
     return _read(path, ())
+
+
+def friction_name(path: Path) -> FrictionName | None:
+    """The friction model that a robot file asks for, or that of the robot it takes it from.
+
+    Raises:
+        RobotError: see :func:`read_robot_file`.
+    """
+    file = read_robot_file(path)
+    if file.friction_from is not None:
+        return friction_name(_path(file.friction_from))
+    return None if file.friction is None else file.friction.model
 
 
 def _read(path: Path, variants: tuple[Path, ...]) -> RobotFile:
@@ -554,7 +567,15 @@ def _friction(
     damping = columns.pick(
         "friction.bristle.damping_Nms_per_rad", table.bristle.damping_Nms_per_rad
     )
-    if (name or table.model) == "lugre":
+    model = name or table.model
+    if model == "dahl":
+        return LuGre(
+            tuple(
+                dahl_joint(curve, float(z), float(b))
+                for curve, z, b in zip(curves, presliding, viscous, strict=True)
+            )
+        )
+    if model == "lugre":
         return LuGre(
             tuple(
                 LuGreJoint(curve, curve.mean_static_level / float(z), float(sigma1), float(sigma2))

@@ -28,6 +28,8 @@ class Command(Protocol):
 COMMANDS = {
     "report": "run everything and write build/report/index.html",
     "table2": "every row of the paper's Table II on four plants",
+    "claim": "how far Table II holds on random plants, as `make claim` flew them",
+    "rivals": "PID, computed torque, sliding mode, Hsia and the inclusive law, tuned alike",
     "experiments": "Table II and more, flown on the reference plant",
     "special-cases": "each special case of the law, written by itself, against the inclusive C",
     "error-dynamics": "class, settling time and certificate of the desired error dynamics",

@@ -7,6 +7,7 @@ from one with the key (k, s). Which worker draws it, and when, changes no bit.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +15,7 @@ import pinocchio as pin
 
 from plant.assembly import Floats, Plant
 from plant.campaign.specification import PlantsTable
+from plant.flexibility import Flexibility
 from plant.friction import (
     CoulombStribeck,
     CoulombStribeckJoint,
@@ -36,6 +38,7 @@ class Draw:
         inertia_factor: times the links' nominal mass and inertia, shape (n,).
         torque_delay: as a fraction of the sample time; None: the nominal one.
         amplitude_deg: see :func:`scaled`; None: the nominal motion.
+        stiffness_factor: times the springs' nominal stiffness; None: the nominal one, if any.
     """
 
     friction_model: FrictionName
@@ -43,6 +46,7 @@ class Draw:
     inertia_factor: Floats
     torque_delay: float | None
     amplitude_deg: float | None
+    stiffness_factor: float | None
 
 
 def draw(
@@ -60,12 +64,15 @@ def draw(
     # Everything is drawn, used or not: a range that is added changes no other number.
     choice, delay, amplitude = rng.random(), rng.random(), rng.random()
     friction, inertia = rng.random(joints), rng.random(joints)
+    stiffness = rng.random()
     return Draw(
         friction_model=friction_models[int(choice * len(friction_models))],
         friction_factor=_between(table.friction_factor, friction),
         inertia_factor=_between(table.inertia_factor, inertia),
         torque_delay=table.torque_delay and float(_between(table.torque_delay, delay)),
         amplitude_deg=table.amplitude_deg and float(_between(table.amplitude_deg, amplitude)),
+        stiffness_factor=table.stiffness_factor
+        and _between_logarithms(table.stiffness_factor, stiffness),
     )
 
 
@@ -87,6 +94,11 @@ def _between(ends: tuple[float, float], fraction: Floats | float) -> Floats:
     return np.asarray(low + (high - low) * fraction, dtype=np.float64)
 
 
+def _between_logarithms(ends: tuple[float, float], fraction: float) -> float:
+    low, high = ends
+    return low * math.pow(high / low, fraction)
+
+
 def with_draw(nominal: Plant, drawn: Draw) -> Plant:
     """The plant of a draw, made from the nominal plant with the same friction model."""
     delay = nominal.drive.delay if drawn.torque_delay is None else drawn.torque_delay
@@ -95,6 +107,7 @@ def with_draw(nominal: Plant, drawn: Draw) -> Plant:
         model=with_inertia(nominal.model, drawn.inertia_factor),
         friction=with_friction(nominal.friction, drawn.friction_factor),
         drive=replace(nominal.drive, delay=delay),
+        flexibility=with_stiffness(nominal.flexibility, drawn.stiffness_factor),
     )
 
 
@@ -119,6 +132,21 @@ def with_inertia(model: pin.Model, factor: Floats) -> pin.Model:
             times * body.mass, body.lever, times * body.inertia
         )
     return scaled_model
+
+
+def with_stiffness(springs: Flexibility | None, factor: float | None) -> Flexibility | None:
+    """Springs that are so many times as stiff; the damping ratio of each stays.
+
+    Args:
+        springs: None where joints are rigid, and stay so.
+        factor: > 0; None: as they are.
+    """
+    if springs is None or factor is None:
+        return springs
+    # The ratio is D / (2 sqrt(K J)).
+    return Flexibility(
+        factor * springs.stiffness_Nm_per_rad, math.sqrt(factor) * springs.damping_Nms_per_rad
+    )
 
 
 def with_friction(friction: FrictionModel, factor: Floats) -> FrictionModel:

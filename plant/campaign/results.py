@@ -41,8 +41,8 @@ _JOINT_NUMBERS = ("friction_factor", "inertia_factor", "encoder_phase_counts")
 def schema(campaign: Campaign) -> pa.Schema:
     """The columns, with the unit at the end of each name that has one.
 
-    Figures are null where a run diverged; ``reason`` is null where it did not. Joints count from
-    1; their names are in the metadata.
+    Figures are null where a run diverged; ``reason`` is null where it did not, and
+    ``stiffness_factor`` where none was drawn. Joints count from 1; their names are in the metadata.
     """
 
     def by_joint(names: Sequence[str], *, nullable: bool) -> Iterator[pa.Field]:
@@ -62,6 +62,7 @@ def schema(campaign: Campaign) -> pa.Schema:
         pa.field("friction_model", pa.string(), nullable=False),
         pa.field("torque_delay_ticks", pa.float64(), nullable=False),
         pa.field("amplitude_deg", pa.float64(), nullable=False),
+        pa.field("stiffness_factor", pa.float64()),
         *by_joint(_JOINT_NUMBERS, nullable=False),
     ]
     return pa.schema(fields, {"campaign": json.dumps(description(campaign))})

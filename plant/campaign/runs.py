@@ -21,7 +21,6 @@ from plant.closed_loop import Beginning, ControllerError, Run, beginning, run_fr
 from plant.compiled.loop import CompiledLoop
 from plant.controller import SATURATED, GeneratedController
 from plant.flight import check_encoders, default_robot
-from plant.friction import LuGre
 from plant.native import c_files, shared_library, sources_of
 from plant.robot import (
     ROBOTS,
@@ -29,6 +28,7 @@ from plant.robot import (
     FrictionName,
     LinksTable,
     Robot,
+    friction_name,
     load_robot,
     read_robot_file,
 )
@@ -109,6 +109,7 @@ def prepare(specification: CampaignSpecification, folder: Path) -> Campaign:
     for robot in robots.values():
         check_encoders(shipped, robot)
         _check_amplitude(robot, specification)
+        _check_springs(robot, specification)
     sources = sources_of(shipped)
     workshop = Workshop(specification, shipped, robots, sources)
     _check_gains(workshop, gain_sets)
@@ -152,8 +153,10 @@ def _robots(file: Path, specification: CampaignSpecification) -> dict[FrictionNa
     names = specification.plants.friction_models
     if names is not None:
         return {friction: load_robot(name, friction=friction) for friction in names}
-    robot = load_robot(name)
-    return {"lugre" if isinstance(robot.friction, LuGre) else "coulomb-stribeck": robot}
+    friction = friction_name(file)
+    if friction is None:
+        raise PlantError(f"robot {file.stem} has no [friction]: add one to its file")
+    return {friction: load_robot(name)}
 
 
 def _motion(robot: Robot) -> RestToRest:
@@ -178,6 +181,17 @@ def _check_amplitude(robot: Robot, specification: CampaignSpecification) -> None
             fix = "write a smaller upper end"
             problem = Problem("plants.amplitude_deg", str(list(ends)), rule, fix)
             raise SpecificationError("the campaign", [problem])
+
+
+def _check_springs(robot: Robot, specification: CampaignSpecification) -> None:
+    """Only springs can be stiffer."""
+    ends = specification.plants.stiffness_factor
+    if ends is None or robot.flexibility is not None:
+        return
+    rule = f"a robot with [flexibility]; the joints of {robot.name} are rigid"
+    fix = "remove it, or name another robot, such as reference_flexible"
+    problem = Problem("plants.stiffness_factor", str(list(ends)), rule, fix)
+    raise SpecificationError("the campaign", [problem])
 
 
 def _check_gains(workshop: Workshop, gain_sets: dict[str, Controller]) -> None:
@@ -264,7 +278,11 @@ class Workshop:
 
 
 def _in_python(
-    plant: Plant, controller: GeneratedController, begin: Beginning, tick: float, substep: float
+    plant: Plant,
+    controller: GeneratedController,
+    begin: Beginning,
+    tick: float,
+    substep: float | None,
 ) -> Run:
     switch_on(controller, begin)
     # A motion that diverges overflows before it is found to be non-finite.
@@ -305,6 +323,7 @@ def _rows(campaign: Campaign, workshop: Workshop, index: int) -> Iterator[Row]:
         "friction_model": drawn.friction_model,
         "torque_delay_ticks": plant.drive.delay,
         "amplitude_deg": plants.amplitude_deg(workshop.motion(drawn)),
+        "stiffness_factor": drawn.stiffness_factor,
         **_by_joint("friction_factor", drawn.friction_factor),
         **_by_joint("inertia_factor", drawn.inertia_factor),
     }

@@ -118,6 +118,11 @@ class PlantsTable(_Table):
     amplitude_deg: _PositiveRange | None = Field(
         None, description="largest distance from the first posture; the robot file's if not given"
     )
+    stiffness_factor: _PositiveRange | None = Field(
+        None,
+        description="times the springs' stiffness, one for all joints, its logarithm uniform; the "
+        "robot file's if not given",
+    )
     encoder_phase: _FractionRange | None = Field(
         None, description="fraction of a count, for each joint; the robot file's if not given"
     )
@@ -140,8 +145,8 @@ class CampaignSpecification(_Table):
         (AS_SPECIFIED,), description="gain sets: rows of Table II, special cases or as-specified"
     )
     speed: _Positive = Field(1.0, description="how many times as fast the motion is")
-    substep_s: Annotated[_Positive, Field(le=1e-2)] = Field(
-        1e-4, description="longest step of the integrator [s]"
+    substep_s: Annotated[_Positive, Field(le=1e-2)] | None = Field(
+        None, description="longest step of the integrator [s]; the plant's own if not given"
     )
     backend: Backend = Field("compiled", description="compiled, or pinocchio for the reference")
     plants: PlantsTable = Field(description="the random plants, [plants]")

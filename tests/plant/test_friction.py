@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pinocchio as pin
@@ -21,11 +21,12 @@ from plant.friction import (
     LuGre,
     LuGreJoint,
     StribeckCurve,
+    dahl_joint,
     frictionless,
 )
 from plant.integrator import Integrator
 from plant.model import gravity_torque
-from plant.robot import load_robot
+from plant.robot import FrictionName, load_robot
 
 CURVE = StribeckCurve(
     coulomb_positive_Nm=6.0,
@@ -54,7 +55,7 @@ def _settled(joint: LuGreJoint, velocity: float, step: float = 1e-4) -> tuple[fl
 @pytest.mark.parametrize(
     ("velocity", "key"), [("qd_plus", "plus"), ("qd_minus", "minus"), ("qd", "at_qd")]
 )
-@pytest.mark.parametrize("name", ["lugre", "coulomb-stribeck"])
+@pytest.mark.parametrize("name", get_args(FrictionName))
 def test_joint_friction_is_the_published_one(
     published: dict[str, Any], name: Any, velocity: str, key: str
 ) -> None:
@@ -124,6 +125,38 @@ def test_lugre_is_a_spring_before_it_slides() -> None:
     assert torque / moved == pytest.approx(JOINT.stiffness_Nm_per_rad, rel=1e-4)
 
 
+DAHL = dahl_joint(CURVE, presliding_rad=3e-4, viscous_Nms_per_rad=0.0)
+
+
+def test_dahl_has_neither_stribeck_effect_nor_bristle_damping() -> None:
+    for velocity in SPEEDS:
+        _, torque = _settled(DAHL, velocity)
+        assert torque == pytest.approx(6.0 if velocity > 0.0 else -5.0, rel=1e-3)
+    assert DAHL.bristle_damping_Nms_per_rad == 0.0
+    assert pytest.approx(5.5 / 3e-4) == DAHL.stiffness_Nm_per_rad
+
+
+@pytest.mark.parametrize("speed", [1e-3, 0.1, 2.0])
+def test_dahl_follows_its_hysteresis_at_any_speed(speed: float) -> None:
+    """Dahl's own form, dF/dx = sigma0 (1 - F sgn(v) / Fc), in which no time occurs."""
+    model, steps, stroke = LuGre((DAHL,)), 400, 1e-3
+    state, force, sigma = [0.0], 0.0, DAHL.stiffness_Nm_per_rad
+    for sign, level in ((1.0, 6.0), (-1.0, 5.0), (1.0, 6.0)):
+        h = stroke / steps / speed
+        for _ in range(steps):
+            state, (torque,), _ = model.step([0.0], [sign * speed], state, h)
+        end = solve_ivp(
+            lambda _, f, s=sign, fc=level: s * sigma * (1.0 - f * s / fc),
+            (0.0, stroke),
+            [force],
+            method="DOP853",
+            rtol=1e-11,
+            atol=1e-13,
+        )
+        force = float(end.y[0, -1])
+        assert torque == pytest.approx(force, rel=1e-7)
+
+
 @given(
     velocity=st.floats(-2.0, 2.0),
     deflection=st.floats(-3.5e-4, 3.5e-4),
@@ -180,6 +213,7 @@ def test_lugre_derivative_is_that_of_the_torque(
 def test_derivative_is_never_negative(velocity: float, deflection: float, step: float) -> None:
     models: tuple[FrictionModel, ...] = (
         LuGre((JOINT,)),
+        LuGre((DAHL,)),
         CoulombStribeck((CoulombStribeckJoint(CURVE, 5.0, 1e-3),)),
     )
     for model in models:
@@ -198,7 +232,7 @@ def test_bristle_never_exceeds_the_static_level(steps: list[tuple[float, float]]
 
 
 @pytest.mark.parametrize("amplitude", [1e-4, 1e-3, 0.5])
-@pytest.mark.parametrize("name", ["lugre", "coulomb-stribeck"])
+@pytest.mark.parametrize("name", get_args(FrictionName))
 def test_friction_dissipates_over_a_cycle(name: Any, amplitude: float) -> None:
     friction = load_robot("reference", friction=name).friction
     assert isinstance(friction, LuGre | CoulombStribeck)

@@ -94,6 +94,11 @@ def test_friction_model_can_be_chosen() -> None:
     assert isinstance(
         load_robot("reference", friction="coulomb-stribeck").friction, CoulombStribeck
     )
+    dahl = load_robot("reference", friction="dahl").friction
+    assert isinstance(dahl, LuGre)
+    assert {joint.curve.static_over_coulomb for joint in dahl.parameters} == {1.0}
+    presliding = [j.curve.coulomb_positive_Nm / j.stiffness_Nm_per_rad for j in dahl.parameters]
+    assert presliding == pytest.approx([3e-4] * 3)
 
 
 def test_unknown_robot_names_the_nearest() -> None:
@@ -124,7 +129,7 @@ def test_unknown_robot_names_the_nearest() -> None:
         ('based_on = "puma560_akb"', 'based_on = "puma561"', "unknown robot 'puma561'"),
         ('based_on = "puma560_akb"', 'based_on = "mine.toml"', "mine.toml is based on mine itself"),
         ('based_on = "puma560_akb"', "", "give the table .links. or .urdf."),
-        ('model = "lugre"', 'model = "dahl"', "friction.model: .*lugre"),
+        ('model = "lugre"', 'model = "viscous"', "friction.model: .*lugre"),
         ("[transmission]", "[transmission", "no valid TOML"),
     ],
 )

@@ -6,6 +6,7 @@ import io
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -26,6 +27,8 @@ _PAGE_COLOURS = {
     # The palette's blue is too dark for a dark page, which has a lighter one.
     PALETTE[0].lower(): "var(--blue)",
 }
+
+_LINE_ON_WHITE = "#c4c8cc"
 
 INK = _INK
 """The page's text colour, for lines that must stand out on light and dark."""
@@ -74,6 +77,21 @@ def house_style() -> Iterator[None]:
         yield
 
 
+def _svg(figure: Figure) -> str:
+    buffer = io.StringIO()
+    # Dates and versions would make every build another file.
+    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    return buffer.getvalue()
+
+
+def write_svg(figure: Figure, path: Path) -> Path:
+    """The picture as a file of its own, on white, the same bytes every time."""
+    figure.set_facecolor("white")
+    text = _svg(figure).replace(_LINE, _LINE_ON_WHITE)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
 def inline_svg(figure: Figure, name: str, label: str) -> str:
     """The picture as an SVG element for an HTML page, the same bytes every time.
 
@@ -82,10 +100,7 @@ def inline_svg(figure: Figure, name: str, label: str) -> str:
         name: goes before all identifiers, which are unique in one picture only.
         label: what it shows, for those who can't see it.
     """
-    buffer = io.StringIO()
-    # Dates and versions would make every build another file.
-    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    text = buffer.getvalue()
+    text = _svg(figure)
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     # In HTML an SVG element needs no namespaces, and the page has no address in it at all.
