@@ -43,6 +43,7 @@ from verification.paper import table_2
 from verification.report.content import Results
 from verification.report.page import write
 from verification.report.processor import found
+from verification.rivals import present as rivals
 from verification.special_cases import present as special
 from verification.special_cases.laws import CASES
 from verification.symbolic import Proof, all_proofs
@@ -211,6 +212,15 @@ def _special_cases(arguments: argparse.Namespace, console: Console, progress: Co
     return 0 if result.holds else 1
 
 
+def _rivals(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
+    with _bar(progress, "closed loops", rivals.total_of(arguments)) as advance:
+        result = rivals.conduct(arguments, advance)
+    if not arguments.json:
+        rivals.show(result, console)
+    _leave(rivals.figures(result), "rivals", arguments.json, console)
+    return 0
+
+
 def _experiments(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
     with _bar(progress, "closed loops", len(ALL)) as advance:
         outcomes = conduct_all(advance=lambda _: advance(1))
@@ -362,6 +372,11 @@ def _parser() -> argparse.ArgumentParser:
     cases = command("special-cases", _special_cases, says)
     special.add_arguments(cases)
     with_json(cases)
+
+    says = "PID, computed torque, sliding mode, Hsia and the inclusive law, tuned alike and flown"
+    contest = command("rivals", _rivals, says)
+    rivals.add_arguments(contest)
+    with_json(contest)
 
     says = "Table II flown in float32, float64 and fixed-point, several times each"
     accuracy = command("accuracy", _accuracy, says)
