@@ -44,6 +44,7 @@ from verification.report.content import Results
 from verification.report.page import write
 from verification.report.processor import found
 from verification.rivals import present as rivals
+from verification.rivals.contenders import BY_NAME
 from verification.special_cases import present as special
 from verification.special_cases.laws import CASES
 from verification.symbolic import Proof, all_proofs
@@ -213,7 +214,7 @@ def _special_cases(arguments: argparse.Namespace, console: Console, progress: Co
 
 
 def _rivals(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
-    with _bar(progress, "closed loops", rivals.total_of(arguments)) as advance:
+    with _bar(progress, "controllers tuned", len(BY_NAME)) as advance:
         result = rivals.conduct(arguments, advance)
     if not arguments.json:
         rivals.show(result, console)

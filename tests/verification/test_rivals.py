@@ -326,13 +326,10 @@ def test_the_shipped_c_flies_with_the_gains_of_the_special_case(home: Ground) ->
 
 @pytest.fixture(scope="module")
 def result() -> compare.Result:
-    return compare.compare(
-        contenders=[BY_NAME[name] for name in ("pid", "inclusive_exp08", "inclusive")],
-        trials=(TUNED_ON, HELD_OUT[0]),
-        effort=Effort(6, 2),
-        phases=2,
-        seconds=0.3,
+    rules = compare.Rules(
+        trials=(TUNED_ON, HELD_OUT[0]), effort=Effort(6, 2), phases=2, seconds=0.3
     )
+    return compare.compare(rules, ("pid", "inclusive_exp08", "inclusive"), processes=1)
 
 
 def test_the_comparison_is_complete(result: compare.Result) -> None:
@@ -402,7 +399,7 @@ def test_the_command_leaves_its_figures(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(present, "compare", lambda **_: result)
+    monkeypatch.setattr(present, "compare", lambda *_, **__: result)
     monkeypatch.setattr(present, "PICTURE", tmp_path / "rivals.svg")
     monkeypatch.setattr(present, "draw", lambda _: None)
     monkeypatch.setattr(command, "RESULTS", tmp_path)

@@ -26,7 +26,7 @@ from verification.rivals.laws import (
     pid,
 )
 from verification.rivals.model import Factors, Floats, model_of, random_signs, uniform
-from verification.rivals.source import Rival, write_sources
+from verification.rivals.source import Rival, write_shipped, write_sources
 from verification.rivals.trials import Ground, tuned
 
 NO_MODEL = "none"
@@ -143,13 +143,17 @@ class Entry:
     def __init__(self, contender: Contender, ground: Ground) -> None:
         self.contender, self.ground = contender, ground
         law = None if contender.law is None else contender.law(ground.plant)
-        sources = None
-        if law is not None:
-            folder = f"{contender.name}-{ground.plant.name}"
-            sources = write_sources(law, ground.specification, folder)
+        specification = ground.specification
+        # A folder of its own: others may be compiled at the same time.
+        folder = f"{contender.name}-{ground.plant.name}"
+        sources = (
+            write_shipped(specification, folder)
+            if law is None
+            else write_sources(law, specification, folder)
+        )
         models = ground.begins[0][1].script.models
         self._law = law
-        self._loop = CompiledLoop(ground.plant, ground.specification, sources, models)
+        self._loop = CompiledLoop(ground.plant, specification, sources, models)
 
     def controller(self, gains: Gains) -> GeneratedController:
         """The contender's C with these gains."""

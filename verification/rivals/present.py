@@ -16,16 +16,16 @@ from rich.table import Table
 from verification.evidence import RESULTS, plain
 from verification.report.style import INK, PALETTE, WIDTH_IN, house_style
 from verification.rivals.compare import (
-    CONTESTS,
     PHASES,
     TRIALS,
     Line,
     Result,
+    Rules,
     Score,
     Standing,
     compare,
 )
-from verification.rivals.contenders import CONTENDERS, MODEL_ERROR, NO_MODEL, OURS
+from verification.rivals.contenders import MODEL_ERROR, NO_MODEL, OURS
 from verification.rivals.model import SIGN_WIDTH_RAD_PER_S
 from verification.rivals.tuning import EFFORT, LOST_DEG, SEED, Effort
 
@@ -113,6 +113,7 @@ def _table(*columns: str) -> Table:
 def notes(result: Result) -> tuple[str, ...]:
     """How the figures were made."""
     return (
+        "Measured on simulated plants.",
         f"Equal effort: {result.effort.runs} closed loops for each, differential evolution, one "
         f"seed ({result.effort.seed}), one box for gains of one meaning; more gains, no more runs.",
         "Same sensors for all: encoder counts, velocity by backward difference, the reference with "
@@ -121,8 +122,7 @@ def notes(result: Result) -> tuple[str, ...]:
         f"robot's own, every number {MODEL_ERROR:.0%} off, up or down by chance, or all up (+). "
         f"Its friction, where it has one, is Coulomb (over {SIGN_WIDTH_RAD_PER_S:g} rad/s) and "
         "viscous. A payload is in no one's model.",
-        "All are tuned on the first half of the motion at one encoder phase; scores are of the "
-        f"whole motion, means over {result.phases} phases.",
+        f"All are tuned at one encoder phase; scores are means over {result.phases} phases.",
         *(f"{trial.name}: {trial.meaning}." for trial in TRIALS),
     )
 
@@ -218,12 +218,15 @@ def picture(result: Result) -> Figure:
         axes.set_yticks(range(len(trials)), trials)
         axes.set_ylim(len(trials) - 0.5, -0.5)
         axes.grid(visible=False, axis="y")
+        axes.grid(axis="x", alpha=0.3)
         for row in range(1, len(trials)):
             axes.axhline(row - 0.5, color=INK, linewidth=0.3, alpha=0.4)
         axes.set_title(
             f"{standing.contest.name}: torque steps below {standing.contest.bound:.2%} of the limit"
         )
-    panels[-1].set_xlabel("RMS error, geometric mean of the joints [0.001 deg]; x: lost")
+    panels[-1].set_xlabel(
+        "RMS error, geometric mean of the joints [0.001 deg]; hollow: beyond the bound, x: lost"
+    )
     handles = [
         Line2D(
             [],
@@ -275,21 +278,12 @@ def _count(text: str) -> int:
     return int(text)
 
 
-def total_of(arguments: argparse.Namespace) -> int:
-    """How many closed loops the tunings will fly."""
-    tuned = sum(bool(contender.knobs) for contender in CONTENDERS)
-    return len(CONTESTS) * tuned * _effort(arguments).runs
-
-
 def conduct(arguments: argparse.Namespace, advance: Callable[[int], None]) -> Result:
     """Holds the contests that the command line asks for, and draws them."""
-    result = compare(effort=_effort(arguments), phases=arguments.phases, advance=advance)
+    effort = Effort(generations=arguments.generations, seed=arguments.seed)
+    result = compare(Rules(effort=effort, phases=arguments.phases), advance=advance)
     draw(result)
     return result
-
-
-def _effort(arguments: argparse.Namespace) -> Effort:
-    return Effort(generations=arguments.generations, seed=arguments.seed)
 
 
 def show(result: Result, console: Console) -> None:

@@ -77,6 +77,11 @@ def write_sources(law: Law, controller: Controller, folder: str) -> Path:
     return write(GeneratedFiles(folder, {**headers, **controller_c(law, controller)}), OUTPUT)
 
 
+def write_shipped(controller: Controller, folder: str) -> Path:
+    """The shipped C likewise; errors as of :func:`write_sources`."""
+    return write(GeneratedFiles(folder, generate(controller).files), OUTPUT)
+
+
 class Rival(GeneratedController):
     """A rival's compiled C; fulfils :class:`plant.closed_loop.Controller`.
 
