@@ -100,6 +100,11 @@ claim: setup
 special-cases: setup
 	@$(run) -m verification special-cases
 
+## PID, computed torque, sliding mode, Hsia beside the inclusive law: tuned alike, then flown
+.PHONY: rivals
+rivals: setup
+	@$(run) -m verification rivals
+
 ## The law exact, in double, in C on the host and on each emulated board, a million steps on each
 .PHONY: chain
 chain: setup

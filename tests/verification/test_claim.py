@@ -354,7 +354,7 @@ def test_campaigns_end_to_end(
         assert fly(["campaign", path, "--output", output, "--backend", "threading", "--json"]) == 0
     monkeypatch.setattr(present, "SPECIFICATIONS", small)
     monkeypatch.setattr(present, "PICTURES", tmp_path / "pictures")
-    monkeypatch.setattr("verification.__main__.RESULTS", tmp_path)
+    monkeypatch.setattr("verification.commands.output.RESULTS", tmp_path)
     capsys.readouterr()
     command = ["claim", "--results", str(tmp_path)]
     assert main([*command, "--json"]) == 0

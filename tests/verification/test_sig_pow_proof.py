@@ -376,7 +376,7 @@ def test_the_checker_rejects_every_damage(case: Case) -> None:
 def test_the_command_leaves_its_statements(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(command_line, "RESULTS", tmp_path)
+    monkeypatch.setattr("verification.commands.output.RESULTS", tmp_path)
     assert command_line.main(["sig-pow", "--json"]) == 0
     printed = capsys.readouterr().out
     left = json.loads((tmp_path / "sig_pow.json").read_text("utf-8"))
@@ -396,6 +396,6 @@ def test_the_command_fails_where_a_bound_is_not_proved(
     for name in (STANDARD.header, STANDARD.source):
         text = (PUMA3 / name).read_text("utf-8")
         (directory / name).write_text(text.replace("4.03 ulp", "3.99 ulp"), "utf-8")
-    monkeypatch.setattr(command_line, "RESULTS", tmp_path)
+    monkeypatch.setattr("verification.commands.output.RESULTS", tmp_path)
     monkeypatch.setattr(command_line, "shipped", lambda: shipped(directory.parent))
     assert command_line.main(["sig-pow"]) == 1

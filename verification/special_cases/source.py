@@ -73,18 +73,6 @@ def controller_c(law: LawFunction, controller: Controller) -> str:
         return print_law(function, spelling, real)
 
     shipped = floating_source(controller, structures)
-    default_config = (
-        environment()
-        .get_template("default_config.j2")
-        .render(
-            c=controller,
-            p=f"tdc_{controller.name}",
-            J=f"TDC_{controller.name.upper()}_JOINTS",
-            identity=f"0x{identity(controller):08X}u",
-            layout=structures,
-            **{k: shipped.context[k] for k in ("initialiser", "counts_type", "counts_per_rad")},
-        )
-    )
     return (
         environment(FOLDER)
         .get_template("special.c.j2")
@@ -93,7 +81,7 @@ def controller_c(law: LawFunction, controller: Controller) -> str:
             law=law,
             real=real,
             headers=[file for file in shipped.files if file.endswith(".h")],
-            default_config=default_config,
+            default_config=default_config_c(controller),
             scales=[
                 {k: real.literal(v) for k, v in scale_values(controller, joint).items()}
                 for joint in controller.joints
@@ -103,6 +91,25 @@ def controller_c(law: LawFunction, controller: Controller) -> str:
             integral=any(q.name == "next_sliding_integral" for q in law.quantities),
         )
     )
+
+
+def default_config_c(controller: Controller) -> str:
+    """The C of the default configuration that the header declares."""
+    structures = layout(controller)
+    context = floating_source(controller, structures).context
+    text: str = (
+        environment()
+        .get_template("default_config.j2")
+        .render(
+            c=controller,
+            p=f"tdc_{controller.name}",
+            J=f"TDC_{controller.name.upper()}_JOINTS",
+            identity=f"0x{identity(controller):08X}u",
+            layout=structures,
+            **{k: context[k] for k in ("initialiser", "counts_type", "counts_per_rad")},
+        )
+    )
+    return text
 
 
 def write_sources(law: LawFunction, controller: Controller, folder: str) -> Path:
