@@ -82,6 +82,11 @@ pil: setup
 accuracy: setup
 	@$(run) -m verification accuracy
 
+## The paper's figures from our own data: SVG, PDF, and a page with zoom in build/verification/figures/
+.PHONY: figures
+figures: setup
+	@$(run) -m verification figures
+
 ## Hsia, Jin, sliding modes, MFC: each written by itself, has it the bits of the inclusive C?
 .PHONY: special-cases
 special-cases: setup

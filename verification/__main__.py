@@ -38,6 +38,8 @@ from verification.experiments import (
     improvements,
     rank_correlation,
 )
+from verification.figures import present as figures
+from verification.figures.catalogue import BUILDERS
 from verification.firmware import ToolError, board_names, load_board
 from verification.paper import table_2
 from verification.report.content import Results
@@ -267,6 +269,17 @@ def _accuracy(arguments: argparse.Namespace, console: Console, progress: Console
     return 0
 
 
+def _figures(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
+    names = arguments.only or list(BUILDERS)
+    with _bar(progress, "figures", len(names)) as advance:
+        made = figures.make(names, RESULTS / "figures", advance)
+    if not arguments.json:
+        console.print(figures.table_of(made))
+        console.print(f"page: {_shown(RESULTS / 'figures' / 'index.html')}")
+    _leave(figures.numbers_of(made), "figures", arguments.json, console)
+    return 0
+
+
 def _report(arguments: argparse.Namespace, console: Console, progress: Console) -> int:
     controllers = _controllers(NAMES)
     proofs = _proofs(progress)
@@ -378,6 +391,11 @@ def _parser() -> argparse.ArgumentParser:
         help="also run the compiled integer halves at every argument",
     )
     with_json(kernel)
+    paper = command(
+        "figures", _figures, "the paper's figures as SVG and PDF, and as a page to zoom"
+    )
+    figures.add_arguments(paper)
+    with_json(paper)
     with_json(command("experiments", _experiments, "Table II and more, flown on the plant"))
     with_json(command("symbolic", _symbolic, "the proofs in computer algebra"))
     return parser
