@@ -167,7 +167,7 @@ def convergence() -> PaperFigure:
         "Fig. 2: convergence of the desired error dynamics",
         f"The error from 1 rad at rest, KD = {KD:g}, KP = {KP:g}, integrated with the generated "
         f"C's powers. With α = 0.95 and β = 95/105 it is zero from t = {settling_s:.4f} s on, with "
-        "α = 1 and above never; each dip is a change of sign. T follows from the first half-turn "
+        "the two others never; each dip is a change of sign. T follows from the first half-turn "
         "by homogeneity.",
         Chart(
             [

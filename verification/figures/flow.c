@@ -31,8 +31,10 @@ static state stepped(const flow_gains *const gains, const double step, const sta
     const state b = derivative(gains, moved(from, step / 2.0, a));
     const state c = derivative(gains, moved(from, step / 2.0, b));
     const state d = derivative(gains, moved(from, step, c));
-    const state mean = {(a.error + (2.0 * b.error) + (2.0 * c.error) + d.error) / 6.0,
-                        (a.rate + (2.0 * b.rate) + (2.0 * c.rate) + d.rate) / 6.0};
+    const state mean = {
+        (a.error + (2.0 * b.error) + (2.0 * c.error) + d.error) / 6.0,
+        (a.rate + (2.0 * b.rate) + (2.0 * c.rate) + d.rate) / 6.0,
+    };
     return moved(from, step, mean);
 }
 

@@ -22,7 +22,7 @@ _GAP = {1: 0.0, 2: 0.11, 3: 0.075}
 """Between columns, as a share of the width."""
 
 _DASHES = {"solid": "solid", "dashed": "dash", "dotted": "dot"}
-_PX_PER_PT = 1.4
+_PX_PER_PT = 1.7
 
 
 def interactive(chart: Chart) -> dict[str, Any]:
@@ -177,6 +177,8 @@ def _trace(chart: Chart, number: int, line: Line, *, first: bool) -> dict[str, A
             "color": line.colour,
             "width": _PX_PER_PT * line.width_pt,
             "dash": _DASHES[line.dash],
+            # Plotly would leave out points until a curve is a polygon.
+            "simplify": False,
         },
         "hovertemplate": f"{_reading('x', x_label)}<br>{_reading('y', y_label)}"
         f"<extra>{line.label}</extra>",

@@ -65,7 +65,7 @@ def table_of(figures: Sequence[PaperFigure]) -> Table:
     table = Table("figure", "evidence", "shows")
     for figure in figures:
         word = "" if figure.evidence is None else figure.evidence.value
-        table.add_row(figure.name, word, f"[bold]{figure.title}[/bold]\n{figure.caption}")
+        table.add_row(figure.name, word, figure.title)
     return table
 
 

@@ -91,8 +91,8 @@ def vibration() -> PaperFigure:
     return PaperFigure(
         "vibration",
         "Fig. 6: vibration with too small an alpha",
-        f"Exp08 and the same with α = {ALPHAS[0]}, β = α/(2 - α), on the reference plant with "
-        f"flexible joints (stiffness chosen). They vibrate at {rates.mean():.0f} Hz. With "
+        f"Exp08 and the same with α = {ALPHAS[0]}, β = α/(2 - α), with flexible joints of "
+        f"chosen stiffness. They vibrate at {rates.mean():.0f} Hz. With "
         f"rigid joints the same gains give at most {stiff.rms_error_deg().max():.4f}° RMS. {PLANT}",
         Chart([*errors, *near, *torques], len(joint_names()), PAGE_IN, 1.3),
         {
