@@ -95,6 +95,11 @@ claim: setup
 	    $(run) -m plant campaign plant/campaigns/$$name.toml >/dev/null || exit; done
 	@$(run) -m verification claim
 
+## The paper's figures from our own data: SVG, PDF, and a page with zoom in build/verification/figures/
+.PHONY: figures
+figures: setup
+	@$(run) -m verification figures
+
 ## Hsia, Jin, sliding modes, MFC: each written by itself, has it the bits of the inclusive C?
 .PHONY: special-cases
 special-cases: setup

@@ -28,6 +28,7 @@ class Command(Protocol):
 COMMANDS = {
     "report": "run everything and write build/report/index.html",
     "table2": "every row of the paper's Table II on four plants",
+    "figures": "the paper's figures from the project's own data, for print and for a page",
     "claim": "how far Table II holds on random plants, as `make claim` flew them",
     "rivals": "PID, computed torque, sliding mode, Hsia and the inclusive law, tuned alike",
     "experiments": "Table II and more, flown on the reference plant",

@@ -207,20 +207,20 @@ def rank_correlation(rows: Sequence[Beside]) -> tuple[float, ...]:
     )
 
 
-def reversal_times_s(outcome: Outcome, joint: int = 0) -> tuple[float, ...]:
+def reversal_times_s(run: Run, joint: int = 0) -> tuple[float, ...]:
     """When the reference velocity of a joint changes its sign [s]."""
-    velocity = outcome.run.qd_ref[:, joint]
+    velocity = run.qd_ref[:, joint]
     moving = np.flatnonzero(np.abs(velocity) > 1e-9)
     turns = np.flatnonzero(np.diff(np.sign(velocity[moving])))
-    middle = (outcome.run.time_s[moving[turns]] + outcome.run.time_s[moving[turns + 1]]) / 2
+    middle = (run.time_s[moving[turns]] + run.time_s[moving[turns + 1]]) / 2
     return tuple(middle.tolist())
 
 
-def reversal_peaks_deg(outcome: Outcome, times_s: Sequence[float]) -> Floats:
+def reversal_peaks_deg(run: Run, times_s: Sequence[float]) -> Floats:
     """Largest error within ``PEAK_WINDOW_S`` after given times [deg], shape (times, n).
 
     Friction changes its sign where the velocity does; the paper's Fig. 5 shows its spikes there.
     """
-    error = np.rad2deg(np.abs(outcome.run.error_rad))
-    time = outcome.run.time_s
+    error = np.rad2deg(np.abs(run.error_rad))
+    time = run.time_s
     return np.array([error[(time >= t) & (time <= t + PEAK_WINDOW_S)].max(axis=0) for t in times_s])

@@ -75,11 +75,11 @@ def test_six_joints_track_like_three(outcomes: Outcomes) -> None:
 
 def test_errors_peak_where_the_velocity_reverses(outcomes: Outcomes) -> None:
     hsia, best = outcomes[FIGURE_5[0]], outcomes[FIGURE_5[-1]]
-    times = reversal_times_s(hsia)
+    times = reversal_times_s(hsia.run)
     assert times == pytest.approx((3.0, 9.0), abs=0.02)
-    peaks = reversal_peaks_deg(hsia, times)
+    peaks = reversal_peaks_deg(hsia.run, times)
     assert (peaks.max(axis=0) == np.array(hsia.figures["peak_error_deg"])).all()
-    assert (peaks > 10 * reversal_peaks_deg(best, times)).all()
+    assert (peaks > 10 * reversal_peaks_deg(best.run, times)).all()
 
 
 def test_a_flight_can_be_repeated_bit_for_bit(outcomes: Outcomes) -> None:

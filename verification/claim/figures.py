@@ -222,7 +222,7 @@ def draw(
         safe: of the safe map.
         folder: where to; made if it is not there.
     """
-    with house_style():
+    with house_style(printed=True):
         figures = {
             "rank_correlation": correlations(campaigns),
             **{f"ratios_{name}": ratio_spreads(flown) for name, flown in campaigns.items()},

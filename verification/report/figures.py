@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 ENVELOPE_S = 0.04
 """Errors are drawn as their largest magnitude in each such span: 12 000 ticks fit no screen."""
 
-_ROWS = {"Exp01": PALETTE[3], "Exp02": PALETTE[1], "Exp05": PALETTE[2], "Exp08": PALETTE[0]}
+COLOURS = {"Exp01": PALETTE[3], "Exp02": PALETTE[1], "Exp05": PALETTE[2], "Exp08": PALETTE[0]}
 LABELS = {
     "Exp01": "Exp01, Hsia",
     "Exp02": "Exp02, Jin",
@@ -86,7 +86,7 @@ def errors(outcomes: Sequence[Outcome], resolution_deg: Floats) -> Figure:
         for outcome in outcomes:
             row = outcome.experiment.row
             time, largest = envelope(outcome.run.time_s, np.rad2deg(outcome.run.error_rad[:, j]))
-            axes.plot(time, largest, color=_ROWS[row], label=LABELS[row], linewidth=1.0)
+            axes.plot(time, largest, color=COLOURS[row], label=LABELS[row], linewidth=1.0)
         axes.axhline(resolution_deg[j], color=INK, linewidth=0.7, linestyle=":", label="1 count")
         _logarithmic(axes)
         axes.set_ylabel("|e| [deg]")
@@ -157,7 +157,7 @@ def reversal(outcomes: Sequence[Outcome], around_s: float, joint: int = 0) -> Fi
     velocity.set_title(f"joint {joint + 1}, {outcomes[-1].joint_names[joint]}")
     for outcome in outcomes:
         row = outcome.experiment.row
-        style: dict[str, Any] = {"color": _ROWS[row], "label": LABELS[row], "linewidth": 1.0}
+        style: dict[str, Any] = {"color": COLOURS[row], "label": LABELS[row], "linewidth": 1.0}
         some = np.flatnonzero(near)[::2]
         friction.plot(outcome.run.time_s[some], outcome.run.friction_Nm[some, joint], **style)
         error.plot(

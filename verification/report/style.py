@@ -20,18 +20,16 @@ WIDTH_IN = 4.4
 """Pictures are drawn this wide and scaled by the page: labels stay readable on a phone."""
 
 # Stand-ins that become the page's own colours, so that one picture serves light and dark.
-_INK, _LINE = "#010203", "#040506"
-_PAGE_COLOURS = {
-    _INK: "currentColor",
-    _LINE: "var(--line)",
+INK, LINE = "#010203", "#040506"
+"""The page's colours of text, for curves that must stand out on light and dark, and of grids."""
+
+PAGE_COLOURS = {
+    INK: "currentColor",
+    LINE: "var(--line)",
     # The palette's blue is too dark for a dark page, which has a lighter one.
     PALETTE[0].lower(): "var(--blue)",
 }
-
-_LINE_ON_WHITE = "#c4c8cc"
-
-INK = _INK
-"""The page's text colour, for lines that must stand out on light and dark."""
+"""What the stand-ins become in a page, as CSS."""
 
 _STYLE: Any = {
     "svg.hashsalt": "inclusive-tdc",
@@ -47,17 +45,17 @@ _STYLE: Any = {
     "legend.columnspacing": 1.2,
     "xtick.labelsize": 9,
     "ytick.labelsize": 9,
-    "text.color": _INK,
-    "axes.labelcolor": _INK,
-    "axes.edgecolor": _LINE,
-    "xtick.color": _LINE,
-    "ytick.color": _LINE,
-    "xtick.labelcolor": _INK,
-    "ytick.labelcolor": _INK,
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": LINE,
+    "xtick.color": LINE,
+    "ytick.color": LINE,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
     "axes.prop_cycle": cycler(color=PALETTE),
     "axes.grid": True,
     "axes.axisbelow": True,
-    "grid.color": _LINE,
+    "grid.color": LINE,
     "grid.linewidth": 0.5,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -67,13 +65,33 @@ _STYLE: Any = {
     "savefig.facecolor": "none",
 }
 
+_PAPER_LINE = "#b0b0b0"
+_PRINTED: Any = {
+    **dict.fromkeys(("axes.edgecolor", "grid.color", "xtick.color", "ytick.color"), _PAPER_LINE),
+    **dict.fromkeys(("figure.facecolor", "savefig.facecolor"), "white"),
+    # A file of its own has the font of no page around it.
+    "svg.fonttype": "path",
+    "pdf.fonttype": 42,
+    "font.size": 8,
+    "axes.titlesize": 8,
+    "axes.labelsize": 8,
+    "legend.fontsize": 7.5,
+    "xtick.labelsize": 7,
+    "ytick.labelsize": 7,
+}
+"""What files for print have otherwise; their ink is all but black."""
+
 
 @contextmanager
-def house_style() -> Iterator[None]:
-    """Draws with the report's style, whatever the user's own matplotlibrc says."""
+def house_style(*, printed: bool = False) -> Iterator[None]:
+    """Draws with the report's style, whatever the user's own matplotlibrc says.
+
+    Args:
+        printed: whether the picture becomes a file of its own, and no part of a page.
+    """
     with mpl.rc_context():
         mpl.rcdefaults()
-        mpl.rcParams.update(_STYLE)
+        mpl.rcParams.update(_STYLE | _PRINTED if printed else _STYLE)
         yield
 
 
@@ -85,10 +103,8 @@ def _svg(figure: Figure) -> str:
 
 
 def write_svg(figure: Figure, path: Path) -> Path:
-    """The picture as a file of its own, on white, the same bytes every time."""
-    figure.set_facecolor("white")
-    text = _svg(figure).replace(_LINE, _LINE_ON_WHITE)
-    path.write_text(text, encoding="utf-8")
+    """The picture, drawn in the printed style, as a file of its own; the same bytes every time."""
+    path.write_text(_svg(figure), encoding="utf-8")
     return path
 
 
@@ -110,6 +126,6 @@ def inline_svg(figure: Figure, name: str, label: str) -> str:
     text = text.replace("'DejaVu Sans'", "inherit")
     text = re.sub(r"font: ([\d.]+px) [^;\"]*", r"font-size: \1", text)
     text = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{name}-", text)
-    for ours, page in _PAGE_COLOURS.items():
+    for ours, page in PAGE_COLOURS.items():
         text = text.replace(ours, page)
     return text.replace("<svg", f'<svg role="img" aria-label="{label}"', 1).strip()
