@@ -24,7 +24,7 @@ from plant.native import BUILD
 from plant.robot import robot_names
 from plant.tuning.comparison import Comparison, compare
 from plant.tuning.gains import TuningError
-from plant.tuning.optimiser import Attempt, attempts_of, optimise, score, training
+from plant.tuning.optimiser import Attempt, optimise, score, training
 from plant.tuning.pictures import comparison_picture, step_picture
 from plant.tuning.procedure import STEPS, VIBRATION_LIMIT, Chosen, Trial, tune
 from plant.tuning.rig import Rig, open_rig
@@ -128,9 +128,9 @@ def _tune(arguments: argparse.Namespace, console: Console) -> int:
         names = {c.step.number: f"tune-step-{c.step.number}-{c.step.symbol}.svg" for c in chosen}
         pictures = {
             names[c.step.number]: step_picture(
-                c, [t for t in log.trials if t.step == c.step.number], job.joint_names
+                c, before, [t for t in log.trials if t.step == c.step.number], job.joint_names
             )
-            for c in chosen
+            for before, c in zip((None, *chosen), chosen, strict=False)
         }
         output = _write(job, text, figures, pictures | {"tune.log": log.text()})
     if arguments.json:
@@ -259,7 +259,7 @@ def _autotune(arguments: argparse.Namespace, console: Console) -> int:
         drawn = rig.relatives(arguments.seed, max(DRAWN, arguments.plants))
         plants = training(procedure, rig.fly, drawn, arguments.plants)
         attempts: list[Attempt] = []
-        with _bar("optimising", attempts_of(arguments.evaluations)) as advance:
+        with _bar("optimising", arguments.evaluations) as advance:
 
             def watch(attempt: Attempt) -> None:
                 attempts.append(attempt)
@@ -271,11 +271,6 @@ def _autotune(arguments: argparse.Namespace, console: Console) -> int:
                 arguments.evaluations,
                 arguments.seed,
                 watch,
-            )
-        if best.score.excess > 1.0:
-            raise TuningError(
-                "no gains kept all training plants quiet: raise --evaluations, or write a smaller "
-                "inertia_kgm2 for the procedure to begin with"
             )
         held_out = rig.relatives(_HELD_OUT_SEED + arguments.seed, arguments.held_out)
         with _bar("comparing", len(held_out)) as advance:
@@ -405,7 +400,7 @@ def add_tuning(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     )
     _add_common(automatic)
     automatic.add_argument(
-        "--evaluations", type=_count(40), default=600, help="gain sets that are tried, 600"
+        "--evaluations", type=_count(30), default=300, help="gain sets that are tried, 300"
     )
     automatic.add_argument(
         "--plants", type=_count(2), default=5, help="random plants that are tuned on, 5"

@@ -77,7 +77,8 @@ def _of(error_deg: Floats, vibration: Floats) -> dict[str, Any]:
 
 
 def _mean(ratio: Floats) -> float:
-    return float(np.exp(np.mean(np.log(ratio))))
+    with np.errstate(divide="ignore"):
+        return float(np.exp(np.mean(np.log(ratio))))
 
 
 def compare(

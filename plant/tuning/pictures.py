@@ -59,13 +59,16 @@ def _svg(figure: Figure) -> str:
     return buffer.getvalue()
 
 
-def step_picture(chosen: Chosen, trials: Sequence[Trial], joint_names: Sequence[str]) -> str:
+def step_picture(
+    chosen: Chosen, before: Chosen | None, trials: Sequence[Trial], joint_names: Sequence[str]
+) -> str:
     """Error and vibration of each joint against the quantity of a step, as SVG.
 
     Dots are good values, crosses bad ones; a ring marks what was chosen.
 
     Args:
         chosen: what the step ended with.
+        before: what the one before ended with, with which this one began.
         trials: of the step.
         joint_names: from the base.
     """
@@ -77,13 +80,17 @@ def step_picture(chosen: Chosen, trials: Sequence[Trial], joint_names: Sequence[
             colour = PALETTE[joint % len(PALETTE)]
             mine = [(trial, _verdict(trial, joint)) for trial in trials]
             for good, marker in ((True, "o"), (False, "x")):
-                tried = [t for t, verdict in mine if verdict == good and t.stage != "confirm"]
+                tried: list[Trial | Chosen] = [
+                    t for t, verdict in mine if verdict == good and t.stage != "confirm"
+                ]
+                tried += [before] if good and before is not None else []
                 x = [_value(trial, joint, step.quantity) for trial in tried]
                 look: Any = {"color": colour, "marker": marker, "ls": "none", "ms": 4}
                 error.plot(x, [t.outcome.rms_deg[joint] for t in tried], **look)
                 shaking.plot(x, [t.outcome.vibration[joint] for t in tried], **look)
             final = _value(chosen, joint, step.quantity)
             ring: Any = {"color": colour, "marker": "o", "mfc": "none", "ms": 9, "mew": 1.5}
+            ring["ls"] = "none"
             error.plot([final], [chosen.outcome.rms_deg[joint]], label=name, **ring)
             shaking.plot([final], [chosen.outcome.vibration[joint]], **ring)
             for axes in (error, shaking):
@@ -107,7 +114,7 @@ def _legend(figure: Figure, error: Axes) -> None:
         Line2D([], [], color="black", lw=1.0, ls="--"),
     ]
     labels = [f"{label}, chosen" for label in labels] + ["good", "bad", "limit"]
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(6, len(labels)))
+    figure.legend(handles, labels, loc="outside lower center", ncols=3)
 
 
 def _scales(error: Axes, shaking: Axes, quantity: str, limit: float) -> None:
