@@ -20,10 +20,11 @@ from rich.table import Table
 from rich.text import Text
 
 from codegen.controller import Controller
+from plant.assembly import Plant
 from plant.native import BUILD
 from plant.robot import robot_names
-from plant.tuning.comparison import Comparison, compare
-from plant.tuning.gains import TuningError
+from plant.tuning.comparison import Comparison, fly_all
+from plant.tuning.gains import Gains, TuningError
 from plant.tuning.optimiser import Attempt, optimise, score, training
 from plant.tuning.pictures import comparison_picture, step_picture
 from plant.tuning.procedure import STEPS, VIBRATION_LIMIT, Chosen, Trial, tune
@@ -251,108 +252,139 @@ def _tell_files(job: _Job, output: Path, console: Console) -> None:
 
 def _autotune(arguments: argparse.Namespace, console: Console) -> int:
     job = _job(arguments)
-    rig = job.rig
     with _interruptible():
-        log = _Log(job, console, shown=False)
-        _say(console, arguments, "the procedure III-E, to begin with and to compare with ...")
-        procedure = _procedure(job, log)[-1].gains
-        drawn = rig.relatives(arguments.seed, max(DRAWN, arguments.plants))
-        plants = training(procedure, rig.fly, drawn, arguments.plants)
-        attempts: list[Attempt] = []
-        with _bar("optimising", arguments.evaluations) as advance:
-
-            def watch(attempt: Attempt) -> None:
-                attempts.append(attempt)
-                advance()
-
-            best = optimise(
-                procedure,
-                lambda gains: score(gains, rig.fly, plants),
-                arguments.evaluations,
-                arguments.seed,
-                watch,
-            )
-        held_out = rig.relatives(_HELD_OUT_SEED + arguments.seed, arguments.held_out)
-        with _bar("comparing", len(held_out)) as advance:
-            comparison = compare(procedure, best.gains, rig.fly, held_out, advance)
-        how = f"Tuned by an optimiser on relatives of {rig.plant.name}: {_STALE}"
-        text = tuned_text(job.path.read_text(encoding="utf-8"), best.gains, job.controller, how)
+        tuned = _search(job, arguments)
+        how = f"Tuned by an optimiser on relatives of {job.rig.plant.name}: {_STALE}"
+        text = tuned_text(
+            job.path.read_text(encoding="utf-8"), tuned.best.gains, job.controller, how
+        )
+        comparisons = _compare(job, arguments, tuned)
+        sets = tuned.gain_sets
         figures = job.plain() | {
             "by": "autotune",
             "seed": arguments.seed,
             "vibration_limit": VIBRATION_LIMIT,
-            "training_plants": len(plants),
-            "evaluations": len(attempts),
-            "procedure": {
-                "gains": procedure.plain(),
-                "training": score(procedure, rig.fly, plants).plain(),
-                "nominal": rig.fly(procedure).plain(),
-            },
-            "optimiser": {
-                "gains": best.gains.plain(),
-                "training": best.score.plain(),
-                "nominal": rig.fly(best.gains).plain(),
-            },
-            "held_out": comparison.figures(),
-            "attempts": [attempt.plain() for attempt in attempts],
+            "training_plants": len(tuned.plants),
+            "training": tuned.best.score.plain(),
+            "gains": {name: gains.plain() for name, gains in sets.items()},
+            "nominal": {name: job.rig.fly(gains).plain() for name, gains in sets.items()},
+            "held_out": {name: c.figures() for name, c in comparisons.items()},
+            "attempts": [attempt.plain() for attempt in tuned.attempts],
         }
-        pictures = {"autotune-held-out.svg": comparison_picture(comparison)}
+        pictures = {
+            f"autotune-{name}.svg": comparison_picture(comparison, _TUNED_ON[name])
+            for name, comparison in comparisons.items()
+        }
         output = _write(job, text, figures, pictures)
     if arguments.json:
         print(json.dumps(figures))
         return 0
-    _tell_comparison(job, figures, comparison, console)
+    _tell_comparison(job, figures, console)
     _tell_files(job, output, console)
     return 0
 
 
-def _say(console: Console, arguments: argparse.Namespace, line: str) -> None:
-    if not arguments.json:
+_TUNED_ON = {"nominal": "the nominal plant", "hardest": "the hardest relative"}
+"""The plants on which the procedure is carried out, to compare with: the robot's own, and that of
+the training plants which vibrates most, as an engineer would choose who knows the family."""
+
+
+@dataclass(frozen=True)
+class _Tuned:
+    """What an optimiser found, and the procedure's gains to compare with."""
+
+    procedures: dict[str, Gains]
+    best: Attempt
+    attempts: list[Attempt]
+    plants: list[Plant]
+
+    @property
+    def gain_sets(self) -> dict[str, Gains]:
+        return {**self.procedures, "optimiser": self.best.gains}
+
+
+def _search(job: _Job, arguments: argparse.Namespace) -> _Tuned:
+    rig = job.rig
+    inertia = [joint.inertia for joint in job.controller.joints]
+
+    def procedure(plant: Plant) -> Gains:
+        return tune(inertia, lambda gains: rig.fly(gains, plant), lambda _: None)[-1].gains
+
+    nominal = procedure(rig.plant)
+    drawn = rig.relatives(arguments.seed, max(DRAWN, arguments.plants))
+    plants = training(nominal, rig.fly, drawn, arguments.plants)
+    procedures = {"nominal": nominal, "hardest": procedure(plants[0])}
+    attempts: list[Attempt] = []
+    with _bar("optimising", arguments.evaluations) as advance:
+
+        def watch(attempt: Attempt) -> None:
+            attempts.append(attempt)
+            advance()
+
+        best = optimise(
+            nominal,
+            lambda gains: score(gains, rig.fly, plants),
+            arguments.evaluations,
+            arguments.seed,
+            watch,
+        )
+    return _Tuned(procedures, best, attempts, plants)
+
+
+def _compare(job: _Job, arguments: argparse.Namespace, tuned: _Tuned) -> dict[str, Comparison]:
+    """The optimiser's gains with each of the procedure's, on plants that none was tuned on."""
+    plants = job.rig.relatives(_HELD_OUT_SEED + arguments.seed, arguments.held_out)
+    with _bar("comparing", len(plants) * len(tuned.gain_sets)) as advance:
+        flown = {
+            name: fly_all(gains, job.rig.fly, plants, advance)
+            for name, gains in tuned.gain_sets.items()
+        }
+    optimiser = flown.pop("optimiser")
+    return {name: Comparison(procedure, optimiser) for name, procedure in flown.items()}
+
+
+def _tell_comparison(job: _Job, figures: dict[str, Any], console: Console) -> None:
+    held_out = figures["held_out"]
+    by_set = {name: of["procedure"] for name, of in held_out.items()}
+    by_set["optimiser"] = held_out["nominal"]["optimiser"]
+    count = held_out["nominal"]["plants"]
+    table = Table(title=f"{escape(job.title)}: {count} plants held out of the tuning")
+    table.title_justify = "left"
+    for title in ("", *(f"III-E on {words}" for words in _TUNED_ON.values()), "optimiser"):
+        table.add_column(title, justify="right" if title else "left")
+    for key in ("inertia_kgm2", "lambda", "gamma", "alpha"):
+        title = "Mbar [kg m²]" if key == "inertia_kgm2" else key
+        table.add_row(escape(title), *(_show(figures["gains"][name][key]) for name in by_set))
+    for title, key, unit in (
+        ("RMS error [mdeg], median", "median_rms_deg", 1e3),
+        ("RMS error [mdeg], largest", "largest_rms_deg", 1e3),
+        ("vibration, median", "median_vibration", 1.0),
+        ("vibration, largest", "largest_vibration", 1.0),
+        (f"plants with at most {VIBRATION_LIMIT:g}", "quiet", 1.0),
+    ):
+        table.add_row(escape(title), *(_show(of[key], unit) for of in by_set.values()))
+    nominal = (figures["nominal"][name]["rms_deg"] for name in by_set)
+    table.add_row(escape("nominal plant, RMS error [mdeg]"), *(_show(x, 1e3) for x in nominal))
+    console.print(table)
+    for name, words in _TUNED_ON.items():
+        of = held_out[name]
+        line = (
+            f"beside III-E on {words}, the optimiser's error is smaller on "
+            f"{of['share_won']:.0%} of the plants, {_show(of['mean_ratio'])} times in the "
+            "geometric mean"
+        )
+        if of["both_quiet"]:
+            line += (
+                f"; on the {of['both_quiet']} where both are quiet: "
+                f"{of['share_won_both_quiet']:.0%}, {_show(of['mean_ratio_both_quiet'])} times"
+            )
         console.print(line, soft_wrap=True)
 
 
-def _tell_comparison(
-    job: _Job, figures: dict[str, Any], comparison: Comparison, console: Console
-) -> None:
-    held_out = comparison.figures()
-    table = Table(title=f"{escape(job.title)}: {held_out['plants']} plants held out of the tuning")
-    table.title_justify = "left"
-    for name in ("", "procedure III-E", "optimiser"):
-        table.add_column(name, justify="right" if name else "left")
-    names = ("procedure", "optimiser")
-    for key in ("inertia_kgm2", "lambda", "gamma", "alpha"):
-        values = (figures[name]["gains"][key] for name in names)
-        table.add_row("Mbar [kg m²]" if key == "inertia_kgm2" else key, *map(_show, values))
-    for title, key in {
-        "RMS error [deg], median": "median_rms_deg",
-        "RMS error [deg], largest": "largest_rms_deg",
-        "vibration, median": "median_vibration",
-        "vibration, largest": "largest_vibration",
-        f"plants with vibration <= {VIBRATION_LIMIT:g}": "quiet",
-    }.items():
-        table.add_row(escape(title), *(_show(held_out[name][key]) for name in names))
-    console.print(table)
-    console.print(
-        f"the optimiser's gains have the smaller error on {held_out['share_won']:.0%} of them, "
-        f"{_show(held_out['mean_ratio'])} times the procedure's in the geometric mean",
-        soft_wrap=True,
-    )
-    if held_out["both_quiet"]:
-        console.print(
-            f"on the {held_out['both_quiet']} where both are quiet: "
-            f"{held_out['share_won_both_quiet']:.0%}, {_show(held_out['mean_ratio_both_quiet'])} "
-            "times",
-            soft_wrap=True,
-        )
-    errors = (figures[name]["nominal"]["rms_deg"] for name in names)
-    told = " and ".join(_show(x) for x in errors)
-    console.print(f"RMS error [deg] on the nominal plant: {told}", soft_wrap=True)
-
-
-def _show(value: Any) -> str:
+def _show(value: Any, unit: float = 1.0) -> str:
     if isinstance(value, list):
-        return ", ".join(_show(x) for x in value)
-    return "beyond bounds" if value is None else f"{value:.4g}"
+        return " ".join(_show(x, unit) for x in value)
+    return "beyond bounds" if value is None else f"{unit * value:.4g}"
 
 
 @contextmanager
@@ -395,7 +427,8 @@ def add_tuning(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         help="optimise the gains over random plants",
         description="Searches the gains with the least mean RMS error over random relatives of a "
         "plant, under the same limit of vibration as the last step of `tune`, and compares them "
-        "with the gains of `tune` on other random plants.",
+        "with the procedure's gains on other random plants: those of `tune`, and those of the "
+        "procedure on the relative that vibrates most.",
         epilog="example: python -m plant autotune controllers/puma3.toml --robot reference",
     )
     _add_common(automatic)

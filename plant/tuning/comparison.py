@@ -16,32 +16,49 @@ from plant.tuning.procedure import VIBRATION_LIMIT, mean_error
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
-    """Figures by plant of the procedure's gains and of the optimiser's, shape (plants,).
+class Flown:
+    """Figures of one gain set by plant, shape (plants,).
 
     Attributes:
-        procedure_deg: mean of the joints' RMS errors.
-        optimiser_deg: likewise.
-        procedure_vibration: the largest of the joints' measures.
-        optimiser_vibration: likewise.
+        error_deg: mean of the joints' RMS errors.
+        vibration: the largest of the joints' measures.
     """
 
-    procedure_deg: Floats
-    optimiser_deg: Floats
-    procedure_vibration: Floats
-    optimiser_vibration: Floats
+    error_deg: Floats
+    vibration: Floats
+
+    def figures(self) -> dict[str, Any]:
+        """What is told of it; None for what is not finite."""
+        numbers = {
+            "median_rms_deg": np.median(self.error_deg),
+            "largest_rms_deg": self.error_deg.max(),
+            "median_vibration": np.median(self.vibration),
+            "largest_vibration": self.vibration.max(),
+        }
+        told: dict[str, Any] = {k: float(x) if np.isfinite(x) else None for k, x in numbers.items()}
+        return told | {"quiet": int(np.count_nonzero(self.vibration <= VIBRATION_LIMIT))}
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """The procedure's gains and the optimiser's on the same plants."""
+
+    procedure: Flown
+    optimiser: Flown
 
     @property
     def ratio(self) -> Floats:
         """RMS error of the optimiser's gains over that of the procedure's; 1 if both fail."""
         with np.errstate(invalid="ignore"):
-            ratio: Floats = np.nan_to_num(self.optimiser_deg / self.procedure_deg, nan=1.0)
+            ratio: Floats = np.nan_to_num(
+                self.optimiser.error_deg / self.procedure.error_deg, nan=1.0
+            )
         return ratio
 
     @property
     def both_quiet(self) -> NDArray[np.bool_]:
         """Where neither gain set breaks the limit of vibration."""
-        worst = np.maximum(self.procedure_vibration, self.optimiser_vibration)
+        worst = np.maximum(self.procedure.vibration, self.optimiser.vibration)
         quiet: NDArray[np.bool_] = worst <= VIBRATION_LIMIT
         return quiet
 
@@ -59,21 +76,9 @@ class Comparison:
             "both_quiet": len(quiet),
             "share_won_both_quiet": float(np.mean(quiet < 1.0)) if len(quiet) else None,
             "mean_ratio_both_quiet": _mean(quiet) if len(quiet) else None,
-            "procedure": _of(self.procedure_deg, self.procedure_vibration),
-            "optimiser": _of(self.optimiser_deg, self.optimiser_vibration),
+            "procedure": self.procedure.figures(),
+            "optimiser": self.optimiser.figures(),
         }
-
-
-def _of(error_deg: Floats, vibration: Floats) -> dict[str, Any]:
-    """The figures of one gain set; None for what is not finite."""
-    numbers = {
-        "median_rms_deg": np.median(error_deg),
-        "largest_rms_deg": error_deg.max(),
-        "median_vibration": np.median(vibration),
-        "largest_vibration": vibration.max(),
-    }
-    told: dict[str, Any] = {k: float(x) if np.isfinite(x) else None for k, x in numbers.items()}
-    return told | {"quiet": int(np.count_nonzero(vibration <= VIBRATION_LIMIT))}
 
 
 def _mean(ratio: Floats) -> float:
@@ -81,27 +86,22 @@ def _mean(ratio: Floats) -> float:
         return float(np.exp(np.mean(np.log(ratio))))
 
 
-def compare(
-    procedure: Gains,
-    optimiser: Gains,
-    fly: Fly,
-    plants: Sequence[Plant],
-    advance: Callable[[], None] = lambda: None,
-) -> Comparison:
-    """Flies both gain sets on all plants.
+def fly_all(
+    gains: Gains, fly: Fly, plants: Sequence[Plant], advance: Callable[[], None] = lambda: None
+) -> Flown:
+    """Flies a gain set on all plants.
 
     Args:
-        procedure: its gains.
-        optimiser: its gains.
+        gains: to fly.
         fly: a trial on one plant.
-        plants: neither was tuned on.
+        plants: that the gains were not tuned on.
         advance: is called after each plant.
     """
-    joints = list(range(len(procedure.inertia)))
-    rows = []
+    joints = list(range(len(gains.inertia)))
+    errors, shaking = [], []
     for plant in plants:
-        outcomes = [fly(gains, plant) for gains in (procedure, optimiser)]
-        errors = [mean_error(outcome, joints) for outcome in outcomes]
-        rows.append([*errors, *(float(outcome.vibration.max()) for outcome in outcomes)])
+        outcome = fly(gains, plant)
+        errors.append(mean_error(outcome, joints))
+        shaking.append(float(outcome.vibration.max()))
         advance()
-    return Comparison(*np.array(rows).T)
+    return Flown(np.array(errors), np.array(shaking))

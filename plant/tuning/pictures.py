@@ -10,6 +10,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
@@ -120,19 +121,22 @@ def _legend(figure: Figure, error: Axes) -> None:
 def _scales(error: Axes, shaking: Axes, quantity: str, limit: float) -> None:
     for axes in (error, shaking):
         axes.set_yscale("log")
-        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axes.yaxis.set_minor_formatter(NullFormatter())
+        _plain(axes.yaxis, (1.0, 2.0, 5.0))
     # A trial beyond all bounds must not squeeze the others together.
     shaking.set_ylim(0.8, min(20 * limit, 1.3 * max(shaking.get_ylim()[1], limit)))
     if quantity in ("inertia", "lambda_"):
         shaking.set_xscale("log")
-        shaking.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        shaking.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        shaking.xaxis.set_minor_formatter(NullFormatter())
+        _plain(shaking.xaxis, (1.0, 2.0, 5.0))
     else:
         # From 1 downwards, as the procedure goes.
         shaking.invert_xaxis()
+
+
+def _plain(axis: Axis, steps: tuple[float, ...]) -> None:
+    """A logarithmic axis whose labels are plain decimals."""
+    axis.set_major_locator(LogLocator(subs=steps))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def _verdict(trial: Trial, joint: int) -> bool | None:
@@ -148,14 +152,19 @@ def _value(of: Trial | Chosen, joint: int, quantity: str) -> float:
     return float(value) or (_LAMBDA_ZERO if quantity == "lambda_" else 0.0)
 
 
-def comparison_picture(held_out: Comparison) -> str:
-    """Both gain sets on the held-out plants, error and vibration, as SVG."""
+def comparison_picture(held_out: Comparison, tuned_on: str) -> str:
+    """Both gain sets on the held-out plants, error and vibration, as SVG.
+
+    Args:
+        held_out: both gain sets on the same plants.
+        tuned_on: the plant of the procedure's gains, in words.
+    """
     with _style():
         figure = Figure(figsize=(7.0, 3.6), layout="constrained")
         error, shaking = figure.subplots(1, 2)
         pairs = (
-            (error, held_out.procedure_deg, held_out.optimiser_deg, "RMS error [deg]"),
-            (shaking, held_out.procedure_vibration, held_out.optimiser_vibration, "vibration"),
+            (error, held_out.procedure.error_deg, held_out.optimiser.error_deg, "RMS error [deg]"),
+            (shaking, held_out.procedure.vibration, held_out.optimiser.vibration, "vibration"),
         )
         for axes, of_procedure, of_optimiser, title in pairs:
             finite = np.isfinite(of_procedure) & np.isfinite(of_optimiser)
@@ -165,9 +174,12 @@ def comparison_picture(held_out: Comparison) -> str:
                 max(axes.get_xlim()[1], axes.get_ylim()[1]),
             )
             axes.plot([low, high], [low, high], color="gray", lw=0.8)
+            wide = high > 300.0 * low
+            for axis in (axes.xaxis, axes.yaxis):
+                _plain(axis, (1.0,) if wide else (1.0, 3.0))
             axes.set(xlim=(low, high), ylim=(low, high), title=title, aspect="equal")
-            axes.set_xlabel("the procedure's gains")
-            axes.set_ylabel("the optimiser's gains")
+            axes.set_xlabel(f"III-E on {tuned_on}")
+            axes.set_ylabel("optimiser")
         for line in (shaking.axhline, shaking.axvline):
             line(VIBRATION_LIMIT, color="black", lw=1.0, ls="--")
         figure.suptitle(

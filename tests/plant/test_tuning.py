@@ -18,7 +18,7 @@ from plant.assembly import build_plant
 from plant.campaign.plants import scaled
 from plant.robot import load_robot
 from plant.tuning import command
-from plant.tuning.comparison import Comparison
+from plant.tuning.comparison import Comparison, Flown
 from plant.tuning.gains import Gains, TuningError, decimal, rounded
 from plant.tuning.optimiser import Score, optimise, score, training
 from plant.tuning.procedure import STEPS, VIBRATION_LIMIT, Chosen, Trial, tune
@@ -256,7 +256,8 @@ def test_the_comparison_counts_what_it_says() -> None:
     # The last plant is a tie: it is won by none.
     errors = [[1.0, 2.0, np.inf, 3.0], [2.0, 1.0, 5.0, 3.0]]
     shaking = [[1.0, 4.0, 9.0, 1.0], [1.0, 1.0, 1.0, 6.0]]
-    figures = Comparison(*map(np.array, errors + shaking)).figures()
+    flown = [Flown(*map(np.array, pair)) for pair in zip(errors, shaking, strict=True)]
+    figures = Comparison(*flown).figures()
     assert figures["share_won"] == pytest.approx(2 / 4)
     assert figures["both_quiet"] == 2
     assert figures["share_won_both_quiet"] == pytest.approx(1 / 2)
@@ -356,10 +357,10 @@ def test_autotune_compares_on_other_plants(
     words += ["--held-out", "2", "--evaluations", "30", "--json"]
     assert main(words) == 0
     figures = json.loads(capsys.readouterr().out)
-    assert figures["optimiser"]["training"]["vibration"] <= VIBRATION_LIMIT
-    assert figures["held_out"]["plants"] == 2
+    assert figures["training"]["vibration"] <= VIBRATION_LIMIT
+    assert figures["held_out"]["hardest"]["plants"] == 2
     written = load(Path(figures["output"]))
-    tuned = figures["optimiser"]["gains"]["inertia_kgm2"]
+    tuned = figures["gains"]["optimiser"]["inertia_kgm2"]
     assert [float(joint.inertia) for joint in written.joints] == tuned
 
 
