@@ -147,8 +147,14 @@ def open_rig(path: Path, robot: str | None = None, speed: float = 1.0) -> Rig:
         SpecificationError: the specification can't be used.
         RobotError, PlantError: the robot can't be used, or doesn't fit the specification.
         CompilerError: the C can't be compiled.
+        TuningError: the robot has no encoder, or the C is fixed-point.
     """
     controller = load(path)
+    if controller.arithmetic.kind == "fixed-point":
+        raise TuningError(
+            f"{path}: fixed-point C has the number formats of its own gains and no room for all "
+            "that are tried: tune it with floating-point arithmetic, and write the gains into it"
+        )
     body = load_robot(robot if robot is not None else default_robot(controller))
     if body.trajectory is None:
         raise PlantError(f"robot {body.name} has no [trajectory]: add one to its file")

@@ -348,6 +348,19 @@ def test_tune_writes_a_specification_that_flies(
     assert "is there already" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    "words", [["puma3_fixed"], ["puma3", "--output", "controllers/puma3.toml"]]
+)
+def test_what_cannot_be_tuned_is_refused_in_a_line(
+    words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(CONTROLLERS.parent)
+    assert main(["tune", str(CONTROLLERS / f"{words[0]}.toml"), *words[1:]]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("error: ")
+    assert told.count("\n") == 1
+
+
 def test_autotune_compares_on_other_plants(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
