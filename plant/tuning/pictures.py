@@ -40,6 +40,8 @@ _AXES = {
     "gamma": "gamma",
     "alpha": "alpha",
 }
+_STEPS: tuple[float, ...] = (1.0, 2.0, 5.0)
+"""Labels of a decade of a logarithmic axis."""
 _LAMBDA_ZERO = 1.0
 """Where 0 is drawn on lambda's logarithmic axis."""
 
@@ -121,12 +123,12 @@ def _legend(figure: Figure, error: Axes) -> None:
 def _scales(error: Axes, shaking: Axes, quantity: str, limit: float) -> None:
     for axes in (error, shaking):
         axes.set_yscale("log")
-        _plain(axes.yaxis, (1.0, 2.0, 5.0))
+        _plain(axes.yaxis, _STEPS)
     # A trial beyond all bounds must not squeeze the others together.
     shaking.set_ylim(0.8, min(20 * limit, 1.3 * max(shaking.get_ylim()[1], limit)))
     if quantity in ("inertia", "lambda_"):
         shaking.set_xscale("log")
-        _plain(shaking.xaxis, (1.0, 2.0, 5.0))
+        _plain(shaking.xaxis, _STEPS)
     else:
         # From 1 downwards, as the procedure goes.
         shaking.invert_xaxis()
@@ -160,7 +162,7 @@ def comparison_picture(held_out: Comparison, tuned_on: str) -> str:
         tuned_on: the plant of the procedure's gains, in words.
     """
     with _style():
-        figure = Figure(figsize=(7.0, 3.6), layout="constrained")
+        figure = Figure(figsize=(7.0, 4.0), layout="constrained")
         error, shaking = figure.subplots(1, 2)
         pairs = (
             (error, held_out.procedure.error_deg, held_out.optimiser.error_deg, "RMS error [deg]"),
@@ -174,9 +176,9 @@ def comparison_picture(held_out: Comparison, tuned_on: str) -> str:
                 max(axes.get_xlim()[1], axes.get_ylim()[1]),
             )
             axes.plot([low, high], [low, high], color="gray", lw=0.8)
-            wide = high > 300.0 * low
+            steps = (1.0,) if high > 300.0 * low else (1.0, 3.0) if high > 30.0 * low else _STEPS
             for axis in (axes.xaxis, axes.yaxis):
-                _plain(axis, (1.0,) if wide else (1.0, 3.0))
+                _plain(axis, steps)
             axes.set(xlim=(low, high), ylim=(low, high), title=title, aspect="equal")
             axes.set_xlabel(f"III-E on {tuned_on}")
             axes.set_ylabel("optimiser")
