@@ -12,6 +12,8 @@ PYTHON ?=
 CONTROLLER ?=
 # The experiment that `make simulate` runs.
 EXPERIMENT ?= Exp08
+# The robot that `make tune` and `make autotune` tune on.
+PLANT ?= reference_flexible
 # More words for pytest: make test PYTEST_ARGS="-k sig_pow -x".
 PYTEST_ARGS ?=
 # `make lock UPGRADE=1` moves the pinned versions forward; without it they stay where they can.
@@ -58,6 +60,16 @@ report: setup
 .PHONY: simulate
 simulate: setup
 	@$(run) -m plant simulate $(or $(CONTROLLER),controllers/puma3.toml) --experiment $(EXPERIMENT)
+
+## The paper's tuning procedure on a plant: make tune CONTROLLER=controllers/puma3.toml PLANT=NAME
+.PHONY: tune
+tune: setup
+	@$(run) -m plant tune $(or $(CONTROLLER),controllers/puma3.toml) --robot $(PLANT)
+
+## Gains by an optimiser over random plants, compared with `make tune` on others: PLANT=NAME
+.PHONY: autotune
+autotune: setup
+	@$(run) -m plant autotune $(or $(CONTROLLER),controllers/puma3.toml) --robot $(PLANT)
 
 ## Build the firmware stub: every controller for every board, into build/firmware/
 .PHONY: firmware

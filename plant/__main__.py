@@ -34,6 +34,8 @@ from plant.propose import ProposalError, add_propose
 from plant.robot import FrictionName, Robot, RobotError, load_robot, robot_names
 from plant.scenario import read_scenario, scenario_names
 from plant.script import uneventful
+from plant.tuning.command import add_tuning
+from plant.tuning.gains import TuningError
 
 
 class UsageError(Exception):
@@ -412,6 +414,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True)
     _add_simulate(commands)
     add_propose(commands)
+    add_tuning(commands)
     _add_bench(commands)
     _add_campaign(commands)
     _add_dynamics(commands)
@@ -436,6 +439,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         CampaignError,
         PictureError,
         ProposalError,
+        TuningError,
     ) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
