@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import re
 from collections import Counter
@@ -20,9 +21,11 @@ from verification.certificates.sig_pow.present import verdict as prove_and_check
 from verification.equivalence import check
 from verification.evidence import current_json, generated_sha256, write_json
 from verification.experiments import CONTROLLERS, Experiment, Outcome
+from verification.figures.catalogue import BUILDERS
 from verification.report.content import Results, law_block, scientific
 from verification.report.page import render, write
 from verification.report.processor import Processor
+from verification.report.studies import NOTHING, found
 from verification.symbolic import all_proofs
 from verification.table2.fly import PLANTS, fly_table
 
@@ -89,7 +92,18 @@ def results(outcomes: Mapping[Experiment, Outcome]) -> Results:
     kernels = [prove_and_check(*kernel, every=False) for kernel in shipped()]
     processor = Processor(None, None, None, None)
     tables = fly_table(PLANTS[::3], phases=1)
-    return Results(outcomes, equivalence, all_proofs(), 500, processor, kernels, ACCURACY, tables)
+    return Results(
+        outcomes,
+        equivalence,
+        all_proofs(),
+        500,
+        processor,
+        kernels,
+        ACCURACY,
+        tables,
+        NOTHING,
+        [BUILDERS["convergence"]()],
+    )
 
 
 @pytest.fixture(scope="session")
@@ -118,7 +132,7 @@ def test_every_anchor_resolves_to_one_place(page: Page) -> None:
 
 
 def test_every_picture_is_inside_with_a_description(html: str, page: Page) -> None:
-    assert page.tags["svg"] == page.tags["figure"] == page.tags["figcaption"] == 6
+    assert page.tags["svg"] == page.tags["figure"] == page.tags["figcaption"] == 7
     assert html.count('role="img" aria-label="') == 6
     for label in ("time [s]", "velocity [deg/s]", "|e| [deg]", "RMS error [deg]", "τ [N m]",
                   "friction [N m]", "torque [% of limit]"):  # fmt: skip
@@ -263,3 +277,66 @@ def test_a_bad_number_of_steps_is_refused(steps: str, capsys: pytest.CaptureFixt
 def test_an_unknown_controller_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["equivalence", "--controller", "puma9"]) == 2
     assert "puma9.toml" in capsys.readouterr().err
+
+
+# --- What longer commands left -----------------------------------------------------------------
+
+SHARE = {"count": 19, "of": 20, "share": 0.95, "low": 0.7513, "high": 0.9987}
+STANDING = {
+    "plants": 20,
+    "groups": [{"best_on_both": SHARE, "fine": SHARE}],
+    "rows": [{"row": "Exp08", "diverged": SHARE}],
+}
+CLAIM: dict[str, object] = {
+    "vibrating": 0.15,
+    "lost_deg": 5.0,
+    "rigid": STANDING,
+    "flexible": STANDING,
+    "safe_map": [
+        {
+            "row": "Exp08",
+            "stiffness_factor": [0.1, 1.0],
+            "plants": 7,
+            "last_fine": 0.0271,
+            "first_not_fine": 0.04,
+            "first_diverged": None,
+        }
+    ],
+}
+CASES: dict[str, object] = {
+    "cases": [
+        {
+            "case": "hsia",
+            "equation": "(9)",
+            "proved": False,
+            "remark": "says so",
+            "comparisons": [
+                {"controller": "puma3", "ticks": 77, "lock_step": None, "own_loop": "tick 3"}
+            ],
+        }
+    ]
+}
+
+
+def test_studies_are_shown_where_they_are_of_todays_c(results: Results, tmp_path: Path) -> None:
+    assert found(tmp_path) == NOTHING
+    assert "make claim" in render(results)
+    for name, data in {"claim": CLAIM, "special_cases": CASES}.items():
+        write_json(data, tmp_path / f"{name}.json")
+    (tmp_path / "claim").mkdir()
+    (tmp_path / "claim" / "safe_map.svg").write_text("<svg/>", encoding="utf-8")
+    studies = found(tmp_path)
+    assert studies.missing == ("make rivals",)
+    html = render(replace(results, studies=studies))
+    for said in ("95.0&nbsp;% [75.1, 99.9]", "0.027", "DIFFERENT", "NOT proved", "says so"):
+        assert said in html
+    (encoded,) = re.findall(r"data:image/svg\+xml;base64,([\w+/=]+)", html)
+    assert base64.b64decode(encoded) == b"<svg/>"
+
+
+def test_studies_of_another_c_are_not_shown(tmp_path: Path) -> None:
+    write_json(CLAIM, tmp_path / "claim.json")
+    old = json.loads((tmp_path / "claim.json").read_text(encoding="utf-8"))
+    old["generated_sha256"] = "0" * 64
+    (tmp_path / "claim.json").write_text(json.dumps(old), encoding="utf-8")
+    assert found(tmp_path).claim is None

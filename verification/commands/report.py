@@ -13,12 +13,16 @@ from verification.commands.symbolic import proofs_of
 from verification.equivalence import check_all, variants
 from verification.evidence import RESULTS, current_json
 from verification.experiments import ALL, conduct_all
+from verification.figures.catalogue import BUILDERS
 from verification.paper import table_2
+from verification.report import studies
 from verification.report.content import Results
 from verification.report.page import write
 from verification.report.processor import found
 from verification.table2.fly import PLANTS, fly_table
 
+FIGURES = ("phase-portraits", "convergence", "vibration", "small-gamma")
+"""Of the paper: those that the report has not drawn itself."""
 STEPS = 20_000
 """48 structures make about a million steps, in half a minute."""
 
@@ -41,6 +45,11 @@ def run(arguments: argparse.Namespace, output: Output) -> int:
     total = sum(len(variants(c)) for c in chosen) * arguments.steps
     with output.bar("steps of the C", total) as advance:
         equivalence = check_all(chosen, arguments.steps, advance)
+    with output.bar("the paper's figures", len(FIGURES)) as advance:
+        figures = []
+        for name in FIGURES:
+            figures.append(BUILDERS[name]())
+            advance(1)
     with output.status("pictures"):
         page = write(
             Results(
@@ -52,6 +61,8 @@ def run(arguments: argparse.Namespace, output: Output) -> int:
                 kernels,
                 current_json(RESULTS / "accuracy.json"),
                 tables,
+                studies.found(),
+                figures,
             ),
             arguments.output,
         )

@@ -36,9 +36,11 @@ from verification.experiments import (
     reversal_peaks_deg,
     reversal_times_s,
 )
+from verification.figures.paper_figure import PaperFigure
 from verification.paper import FASTER_RMS_DEG, PAPER, REFERENCE_ROW
 from verification.report import figures
 from verification.report.processor import LINKS, MEANINGS, TITLES, Processor
+from verification.report.studies import Studies
 from verification.report.style import house_style, inline_svg
 from verification.symbolic import Proof
 from verification.table2.fly import COMPARED, FACTOR, TableOf, paper_ratios, ratio_name
@@ -58,6 +60,8 @@ class Results:
         kernels: what is proved of the powers.
         accuracy: what `make accuracy` left, None if it has not run on today's C.
         tables: Table II, by plant.
+        studies: what longer commands left.
+        paper_figures: the paper's figures.
     """
 
     outcomes: Mapping[Experiment, Outcome]
@@ -68,6 +72,8 @@ class Results:
     kernels: Sequence[Verdict]
     accuracy: dict[str, Any] | None
     tables: Sequence[TableOf]
+    studies: Studies
+    paper_figures: Sequence[PaperFigure]
 
 
 @dataclass(frozen=True)
@@ -290,12 +296,18 @@ def pictures(results: Results) -> dict[str, Picture]:
                 f"each {1000 * figures.ENVELOPE_S:.0f} ms) and torques.",
             ),
         }
-        return {
+        own = {
             name: Picture(
                 name, inline_svg(figure, name, caption), caption, _PICTURE_EVIDENCE.get(name)
             )
             for name, (figure, caption) in drawn.items()
         }
+        return own | {figure.name: _of_paper(figure) for figure in results.paper_figures}
+
+
+def _of_paper(figure: PaperFigure) -> Picture:
+    drawn = inline_svg(figure.draw(), figure.name, figure.title)
+    return Picture(figure.name, drawn, figure.caption, figure.evidence)
 
 
 COMMANDS = (
@@ -310,6 +322,11 @@ COMMANDS = (
         "build/verification/experiments.json",
     ),
     Command("Table II on other plants", "make table2", "build/verification/table2.json"),
+    Command("the paper's figures", "make figures", "build/verification/figures/"),
+    Command("the claim on random plants", "make claim", "build/verification/claim.json"),
+    Command("special cases", "make special-cases", "build/verification/special_cases.json"),
+    Command("rivals", "make rivals", "build/verification/rivals.json"),
+    Command("the tuning procedure", "make tune", "build/plant/tuning/"),
     Command(
         "the generated C against the law",
         "python -m verification equivalence --steps {steps}",
@@ -413,6 +430,8 @@ def context(results: Results) -> dict[str, Any]:
         "gains": tables.gains,
         "ranks": rank_correlation(tables.rows),
         "tables_2": results.tables,
+        "studies": results.studies,
+        "paper_figures": [figure.name for figure in results.paper_figures],
         "factor": FACTOR,
         "paper_ratios": {ratio_name(row): paper_ratios(row) for row in COMPARED},
         "faster": Beside("Exp08", "", faster.rms_deg, FASTER_RMS_DEG),
