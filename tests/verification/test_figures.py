@@ -439,7 +439,8 @@ def test_files_are_vectors_and_the_same_every_time(tmp_path: Path) -> None:
 def test_one_figure_alone(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("verification.__main__.RESULTS", tmp_path)
+    for module in ("output", "figures"):
+        monkeypatch.setattr(f"verification.commands.{module}.RESULTS", tmp_path)
     assert main(["figures", "--only", "convergence", "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert json.loads((tmp_path / "figures.json").read_text(encoding="utf-8")) == printed

@@ -133,7 +133,7 @@ def test_every_anchor_resolves_to_one_place(page: Page) -> None:
 
 def test_every_picture_is_inside_with_a_description(html: str, page: Page) -> None:
     assert page.tags["svg"] == page.tags["figure"] == page.tags["figcaption"] == 7
-    assert html.count('role="img" aria-label="') == 6
+    assert html.count('role="img" aria-label="') == 7
     for label in ("time [s]", "velocity [deg/s]", "|e| [deg]", "RMS error [deg]", "τ [N m]",
                   "friction [N m]", "torque [% of limit]"):  # fmt: skip
         assert label in html
