@@ -397,5 +397,5 @@ def test_the_command_fails_where_a_bound_is_not_proved(
         text = (PUMA3 / name).read_text("utf-8")
         (directory / name).write_text(text.replace("4.03 ulp", "3.99 ulp"), "utf-8")
     monkeypatch.setattr("verification.commands.output.RESULTS", tmp_path)
-    monkeypatch.setattr(command_line, "shipped", lambda: shipped(directory.parent))
+    monkeypatch.setattr("verification.commands.sig_pow.shipped", lambda: shipped(directory.parent))
     assert command_line.main(["sig-pow"]) == 1
