@@ -276,7 +276,7 @@ _HSIA = (
     ),
     _equation(
         10,
-        "with u_h = qdd_d + KD ed + KP e.",
+        "In it, u_h = qdd_d + KD ed + KP e.",
         Evidence.PROVED,
         _SPECIAL,
         symbolic.hsia_law,
@@ -317,7 +317,7 @@ _HSIA = (
     ),
     _equation(
         16,
-        "in short: edd + KD ed + KP e = eps.",
+        "In short: edd + KD ed + KP e = eps.",
         None,
         "no proof of its own: (62) for sigma = 1/Mbar is this, with an integral term more",
     ),
@@ -342,7 +342,8 @@ _NONLINEAR = (
             number,
             f"Joint by joint, sig({x})^{a} = |{x}|^{a} sgn({x}).",
             Evidence.PROVED,
-            f"{_DEFINITION}; proved is how far the C's power is from it at most",
+            f"{_DEFINITION}; proved is how far the C's power in binary32, standard and precise, is "
+            "from it at most; the powers in binary64 and fixed-point have no certificate",
             law.sig,
             tests=(
                 _POWER + "test_every_generated_kernel_is_proved",
@@ -357,7 +358,7 @@ _NONLINEAR = (
         20,
         "Energy: V = sum of ed^2/2 + KP |e|^(beta+1)/(beta+1).",
         Evidence.SAMPLED,
-        f"{_DEFINITION}; the code's V is compared along single motions",
+        f"{_DEFINITION}; the code's V is compared at one state, for the exponents of Fig. 1 and 2",
         ErrorDynamics.energy,
         analyse,
         tests=(_FIGURES + "test_energy_falls_by_what_the_damper_takes",),
@@ -402,7 +403,8 @@ _INCLUSIVE = (
         25,
         "Its closed loop: edd + KD sig(ed)^alpha + KP sig(e)^beta = eps.",
         None,
-        "no proof of its own: (32) with lambda = 0, whose left side is then this one",
+        "no proof of its own: (32) with lambda = 0, whose left side is then this one; the proof of "
+        "(32) has lambda > 0",
     ),
     _equation(
         26,
@@ -419,7 +421,7 @@ _INCLUSIVE = (
         27,
         "Without correction s drifts with the estimate's error: sdot = eps.",
         None,
-        "no proof of its own: (32) with lambda = 0",
+        "no proof of its own: (32) with lambda = 0; the proof of (32) has lambda > 0",
     ),
     _equation(
         28,
@@ -475,7 +477,7 @@ _INCLUSIVE = (
         "that the Mbar which is proposed for a robot keeps the spectral radius below 1, at "
         "postures along its motion; that the condition suffices is not checked. It knows no "
         "samples: the interval of Mbar/M in which one linear sampled joint is stable is proved "
-        "instead, and is narrower",
+        "instead, for each loop that is asked for; with the paper's gains it is narrower",
         starting_inertia,
         stable_intervals,
         tests=(
@@ -516,11 +518,11 @@ _ANALYSIS = (
         36,
         "gamma = 0: sdot + lambda sgn(s) = eps.",
         None,
-        "no proof of its own: (32) with gamma = 0, whose proof uses no property of sig",
+        "no proof of its own: (32) with gamma = 0; the proof of (32) has gamma > 0",
     ),
     _equation(
         37,
-        "then s slides where the smallest lambda exceeds xi, the bound of eps.",
+        "Then s slides where the smallest lambda exceeds xi, the bound of eps.",
         None,
         _NO_BOUND,
     ),
@@ -653,7 +655,7 @@ _APPENDIX_C = (
         60,
         "Ultralocal model of model-free control: q^(nu) = F + sigma tau.",
         None,
-        f"{_DEFINITION} of F",
+        f"{_DEFINITION} of F; the proof that carries its number is of the law (61)",
         symbolic.ultralocal_rest,
     ),
     _equation(

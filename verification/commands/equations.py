@@ -24,10 +24,11 @@ and how strong the evidence is. `.venv/bin/python -m verification equations` mak
 `verification/equations.py` and from the numbers that the law, the presets and the proofs carry
 themselves; a test fails where it is stale, or names something that doesn't exist.
 
-A *quantity* keeps its name in the generated C. A *proof* is one of computer algebra, and a
-*certificate* is found by one program and verified by another; both are made again by the tests. The
-word of evidence is about what its brackets say, which may be less than the equation. An equation
-without a check says so.
+A *quantity* keeps its name in the generated C. A *proof* is one of computer algebra, in
+[verification/symbolic.py](../verification/symbolic.py) or
+[verification/special_cases/proofs.py](../verification/special_cases/proofs.py); a *certificate* is
+found by one program and verified by another. Tests make both again. The word of evidence is about
+what its brackets say, which may be less than the equation. An equation without a check says so.
 
 Names: q, q_d, e = q_d - q are positions, reference and error, `ed` and `edd` rates of e; tau is the
 torque, L the sample time and the delay, sig(x)^a = |x|^a sgn(x).
@@ -73,13 +74,20 @@ def _link(path: Path | str) -> str:
     return f"[{path}](../{path})"
 
 
-def _symbol(symbol: Symbol) -> str:
-    return f"`{symbol.__qualname__}` in {_link(file_of(symbol).as_posix())}"
+def _by_file(pairs: Iterable[tuple[str, str]]) -> Iterator[str]:
+    """Names with their files, each file once."""
+    files: dict[str, list[str]] = {}
+    for path, name in pairs:
+        files.setdefault(path, []).append(f"`{name}`")
+    yield from (f"{', '.join(names)} in {_link(path)}" for path, names in files.items())
 
 
-def _test(name: str) -> str:
-    path, function = name.split("::")
-    return f"`{function}` in {_link(path)}"
+def _symbols(symbols: Iterable[Symbol]) -> Iterator[str]:
+    return _by_file((file_of(symbol).as_posix(), symbol.__qualname__) for symbol in symbols)
+
+
+def _tests(tests: Iterable[str]) -> Iterator[str]:
+    return _by_file((path, function) for path, function in (test.split("::") for test in tests))
 
 
 def _names(proofs: Sequence[Proof]) -> str:
@@ -94,21 +102,23 @@ def _code(row: Row) -> Iterator[str]:
         by_maker.setdefault(maker, []).append(f"`{name}`")
     for maker, names in by_maker.items():
         word = "quantity" if len(names) == 1 else "quantities"
-        yield f"{word} {', '.join(names)} of {_symbol(maker)}"
+        yield f"{word} {', '.join(names)} of {', '.join(_symbols((maker,)))}"
     for preset in row.links.presets:
         yield f"preset `{preset}` in {_link('codegen/presets.py')}"
-    yield from map(_symbol, row.equation.code)
+    yield from _symbols(row.equation.code)
 
 
 def _checks(row: Row) -> Iterator[str]:
     if row.links.proofs:
-        yield f"proof {_names(row.links.proofs)}"
+        word = "proof" if len(row.links.proofs) == 1 else "proofs"
+        yield f"{word} {_names(row.links.proofs)}"
     if row.equation.certified:
-        yield "certificate: " + ", ".join(map(_symbol, row.equation.certified))
-    yield from map(_test, row.equation.tests)
+        yield "certificate by " + ", verified by ".join(_symbols(row.equation.certified))
+    yield from _tests(row.equation.tests)
     yield from (f"`python -m verification {name}`" for name in row.equation.commands)
     if row.links.steps:
-        yield f"used in the proof of {_names(row.links.steps)}"
+        word = "proof" if len(row.links.steps) == 1 else "proofs"
+        yield f"a step of the {word} {_names(row.links.steps)}"
 
 
 def _listed(title: str, lines: Sequence[str]) -> Iterator[str]:
