@@ -24,7 +24,8 @@ and how strong the evidence is. `.venv/bin/python -m verification equations` mak
 `verification/equations.py` and from the numbers that the law, the presets and the proofs carry
 themselves; a test fails where it is stale, or names something that doesn't exist.
 
-A *quantity* keeps its name in the generated C. A *proof* is one of computer algebra, in
+A *quantity* of codegen/law.py keeps its name in the generated C; those of the special cases are in
+the C that they are compared by. A *proof* is one of computer algebra, in
 [verification/symbolic.py](../verification/symbolic.py) or
 [verification/special_cases/proofs.py](../verification/special_cases/proofs.py); a *certificate* is
 found by one program and verified by another. Tests make both again. The word of evidence is about
