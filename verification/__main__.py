@@ -40,6 +40,7 @@ COMMANDS = {
     "accuracy": "Table II flown in float32, float64 and fixed-point, several times each",
     "sig-pow": "the error of sig_pow for every float and every exponent, proved and checked",
     "symbolic": "the proofs in computer algebra",
+    "equations": "docs/equations.md: where each of the paper's equations is, and what checks it",
 }
 
 
