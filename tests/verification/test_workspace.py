@@ -130,11 +130,11 @@ def test_slopes_of_the_checker_enclose_those_of_the_inertia_matrix(certified: Ce
                 wide, exact = on[i][j], M[i][j]
                 assert wide is not None
                 assert exact is not None
-                assert wide.box.low[0] <= exact.center.low[0]
-                assert exact.center.high[0] <= wide.box.high[0]
+                assert wide.box.low.item() <= exact.center.low.item()
+                assert exact.center.high.item() <= wide.box.high.item()
                 for c in wide.slopes:
-                    assert wide.slopes[c].low[0] <= exact.slopes[c].low[0] + 1e-12
-                    assert exact.slopes[c].high[0] <= wide.slopes[c].high[0] + 1e-12
+                    assert wide.slopes[c].low.item() <= exact.slopes[c].low.item() + 1e-12
+                    assert exact.slopes[c].high.item() <= wide.slopes[c].high.item() + 1e-12
 
 
 # --- Damaged certificates ----------------------------------------------------------------------
@@ -255,6 +255,17 @@ def test_there_are_enough_damages() -> None:
 def test_a_damaged_certificate_is_refused(damage: Damage, certified: Certified) -> None:
     certificate = json.loads(json.dumps(certified.certificate))
     damage(certificate)
+    assert list(check.complaints(certificate))
+
+
+@pytest.mark.parametrize("side", ["low", "high"])
+def test_a_bound_that_is_wrong_only_between_the_centres_is_refused(
+    side: str, certified: Certified
+) -> None:
+    """At the centres of the boxes all is well: only their width tells."""
+    certificate = json.loads(json.dumps(certified.certificate))
+    inward = Fraction(1, 10**7) * (1 if side == "low" else -1)
+    certificate[side]["r"] = str(Fraction(getattr(certified.sampled, side)) * (1 + inward))
     assert list(check.complaints(certificate))
 
 

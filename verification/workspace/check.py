@@ -1,15 +1,15 @@
 """Verifies a certificate of the eigenvalues of M(q)^-1 Mbar over a workspace.
 
 This is the proof; what made the certificate only had to guess well. No code and no formula is
-shared with it: M(q) is the kinetic energy of the links in the base's frame,
+shared with it: M(q) is twice the kinetic energy of the links as a quadratic form,
 
-    M_ij = sum over links k of  m_k v_ki . v_kj + (R_k^T z_i) . I_k (R_k^T z_j),   i, j carry k,
-    v_ki = z_i x (c_k - p_i),
+    M_ij = sum over links k of  m_k u_ki . u_kj + w_ki . I_k w_kj,    u_ki = v_ki + w_ki x c_k,
 
-with z_i and p_i axis and origin of joint i, c_k and I_k centre of mass and inertia about it; the
-rotors' inertia is added on the diagonal. Joint positions are in turns, so that the whole circle is
-a rational interval. A joint on the base turns all that it carries as one body, which changes no
-kinetic energy: its position is 0 here and no coordinate.
+with v_ki and w_ki the velocity of link k's frame and its spin, in that frame, for a unit speed of
+joint i, and c_k and I_k centre of mass and inertia about it; the rotors' inertia is added on the
+diagonal. The frames are that of the joints and w, v pass from each link to the next. The position
+of a joint on the base is in none of this. Other joint positions are in turns, so that the whole
+circle is a rational interval.
 
 On a box with centre c and half widths h, S = r M - Mbar or Mbar - r M is enclosed by the mean value
 form S(c) + sum_j dS/dq_j(box) [-h_j, h_j], in intervals of doubles that are rounded outwards after
@@ -55,10 +55,10 @@ def complaints(certificate: Mapping[str, Any]) -> Iterator[str]:
     """
     try:
         yield from _complaints(certificate)
-    except (KeyError, TypeError, ValueError, IndexError, OverflowError) as error:
-        yield f"not a certificate: {type(error).__name__} {error}"
     except np.linalg.LinAlgError:
         yield "not positive definite at the centre of a box"
+    except (KeyError, TypeError, ValueError, IndexError, OverflowError) as error:
+        yield f"not a certificate: {type(error).__name__} {error}"
 
 
 def _complaints(certificate: Mapping[str, Any]) -> Iterator[str]:
@@ -70,8 +70,6 @@ def _complaints(certificate: Mapping[str, Any]) -> Iterator[str]:
         raise ValueError("Mbar has one number > 0 for each joint")
     if len(ranges) != sum(link.parent >= 0 for link in links):
         raise ValueError("each joint that is not on the base has a range")
-    if any(link.mass < 0 for link in links):
-        raise ValueError("a mass is negative")
     for side, sign in (("high", 1), ("low", -1)):
         claim = certificate[side]
         _keys(claim, "r", "boxes")
@@ -151,7 +149,7 @@ def _link(row: Mapping[str, Any], index: int) -> _Link:
         raise ValueError(f"the parent of joint {index + 1} does not come before it")
     if any(link.inertia[i][j] != link.inertia[j][i] for i in range(3) for j in range(i)):
         raise ValueError(f"the inertia of link {index + 1} is not symmetric")
-    # A turn: the argument that a joint on the base does not matter needs it, up to rounding.
+    # Rounded to doubles; what is far from a rotation is no robot's.
     rows = [*link.rotation, link.axis]
     for a, first in enumerate(rows):
         for b, second in enumerate(rows[: a + 1]):
@@ -305,10 +303,6 @@ def _plus(a: _Values, b: _Values) -> _Values:
     return [_sum([x, y]) for x, y in zip(a, b, strict=True)]
 
 
-def _less(a: _Values, b: _Values) -> _Values:
-    return _plus(a, [_minus(x) for x in b])
-
-
 def _transposed(columns: Sequence[_Values]) -> list[_Values]:
     return [list(row) for row in zip(*columns, strict=True)]
 
@@ -321,36 +315,30 @@ def _inertia_matrix(
 ) -> list[_Values]:
     """M on boxes; ``turns`` has cosine and sine of the joints that are coordinates."""
     n = len(links)
-    rotations: list[list[_Values]] = []
-    origins: list[_Values] = []
-    axes: list[_Values] = []
-    carriers: list[list[int]] = []
+    spins: list[dict[int, _Values]] = []
+    speeds: list[dict[int, _Values]] = []
     M: list[_Values] = [[None] * n for _ in range(n)]
-    identity = [_constants([Fraction(i == j) for j in range(3)]) for i in range(3)]
     for k, link in enumerate(links):
-        root = link.parent < 0
-        outer = identity if root else rotations[link.parent]
-        origin: _Values = [None] * 3 if root else origins[link.parent]
-        placed = [_constants(row) for row in link.rotation]
-        origins.append(_plus(origin, _applied(outer, _constants(link.offset))))
-        rotation = _transposed([_applied(outer, column) for column in _transposed(placed)])
-        axes.append(_applied(rotation, _constants(link.axis)))
-        if k in turns:
-            turn = _transposed(_turn(link.axis, *turns[k]))
-            rotation = _transposed([_applied(rotation, column) for column in turn])
-        rotations.append(rotation)
-        carriers.append([*([] if root else carriers[link.parent]), k])
-        back = _transposed(rotation)
-        center = _plus(origins[k], _applied(rotation, _constants(link.center)))
-        speeds = {i: _cross(axes[i], _less(center, origins[i])) for i in carriers[k]}
-        spins = {i: _applied(back, axes[i]) for i in carriers[k]}
-        momenta = {
-            i: _applied([_constants(row) for row in link.inertia], spins[i]) for i in carriers[k]
-        }
-        for i in carriers[k]:
-            for j in (j for j in carriers[k] if j <= i):
-                moved = _product(_constant(link.mass), _dot(speeds[i], speeds[j]))
-                M[i][j] = _sum([M[i][j], moved, _dot(spins[j], momenta[i])])
+        spin: dict[int, _Values] = {k: _constants(link.axis)}
+        speed: dict[int, _Values] = {k: [None] * 3}
+        if link.parent >= 0:
+            # The frame's axes in the parent's are the columns of rotation times turn.
+            unplaced = _transposed([_constants(row) for row in link.rotation])
+            unturned = _transposed(_turn(link.axis, *turns[k]))
+            offset = _constants(link.offset)
+            for i, w in spins[link.parent].items():
+                v = _plus(speeds[link.parent][i], _cross(w, offset))
+                spin[i] = _applied(unturned, _applied(unplaced, w))
+                speed[i] = _applied(unturned, _applied(unplaced, v))
+        spins.append(spin)
+        speeds.append(speed)
+        center, inertia = _constants(link.center), [_constants(row) for row in link.inertia]
+        moved = {i: _plus(speed[i], _cross(w, center)) for i, w in spin.items()}
+        for i, w in spin.items():
+            momentum = _applied(inertia, w)
+            for j in (j for j in spin if j <= i):
+                linear = _product(_constant(link.mass), _dot(moved[i], moved[j]))
+                M[i][j] = _sum([M[i][j], linear, _dot(spin[j], momentum)])
         M[k][k] = _sum([M[k][k], _constant(link.armature)])
     return M
 
