@@ -137,6 +137,32 @@ def test_slopes_of_the_checker_enclose_those_of_the_inertia_matrix(certified: Ce
                     assert exact.slopes[c].high.item() <= wide.slopes[c].high.item() + 1e-12
 
 
+def test_slopes_of_sines_and_cosines() -> None:
+    at = [Fraction(1, 12)]  # 30 degrees
+    cosine, sine = check._cosine_and_sine(at, at, 0)
+    assert cosine.slopes[0].low.item() == pytest.approx(-0.5, abs=1e-12)
+    assert sine.slopes[0].low.item() == pytest.approx(np.sqrt(0.75), abs=1e-12)
+
+
+def test_a_box_is_not_definite_for_its_centre_alone(akb: Robot, certified: Certified) -> None:
+    """The largest eigenvalue at a corner is above r, that at the centre below."""
+    links = [check._link(row, k) for k, row in enumerate(certified.certificate["robot"])]
+    ranges, wide = [(Fraction(0), Fraction(1))] * 2, 2 * np.pi / 2**6
+    refused = 0
+    for k in range(0, 64, 3):
+        start = np.array([k, k]) * wide
+        ends = [start, start + wide]
+        corners = np.array([[a[0], b[1]] for a in ends for b in ends])
+        center, highest = (
+            _eigenvalues(akb, _turning(q)).max() for q in ((start + wide / 2)[np.newaxis], corners)
+        )
+        if highest > center * (1 + 1e-6):
+            r = Fraction(float(center + highest) / 2)
+            assert not check._definite(links, MBAR, ranges, [((k, 6), (k, 6))], r, 1).any()
+            refused += 1
+    assert refused > 10
+
+
 # --- Damaged certificates ----------------------------------------------------------------------
 
 Damage = Callable[[dict[str, Any]], None]
