@@ -35,6 +35,7 @@ COMMANDS = {
     "special-cases": "each special case of the law, written by itself, against the inclusive C",
     "error-dynamics": "class, settling time and certificate of the desired error dynamics",
     "sampled-interval": "for which Mbar/M the sampled law is stable: exact, proved, checked",
+    "workspace": "the eigenvalues of M(q)^-1 Mbar at every q, for condition (33): proved, checked",
     "equivalence": "the generated C against the law in double",
     "chain": "the exact law, CasADi in double, the C on the host and on each emulated target",
     "accuracy": "Table II flown in float32, float64 and fixed-point, several times each",

@@ -6,7 +6,7 @@ printer, so that a mistake of the printer can't hide in the check.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import casadi as ca
@@ -43,22 +43,45 @@ def evaluate(
         UnknownOperationError: an operation is missing.
         KeyError: an input is missing.
     """
-    compiled = function.casadi_function()
+    given = [inputs[q.name] for q in function.inputs]
+    try:
+        values = walk(function.casadi_function(), given, operations, constant)
+    except UnknownOperationError as error:
+        raise UnknownOperationError(f"{function.name}: {error}") from error
+    return {q.name: value for q, value in zip(function.quantities, values, strict=True)}
+
+
+def walk(
+    function: Any,
+    inputs: Sequence[Value],
+    operations: Operations,
+    constant: Callable[[float], Value],
+) -> list[Value]:
+    """The outputs of a ``casadi.Function`` of scalars, computed in another algebra.
+
+    Args:
+        function: of SX, with scalar inputs and outputs.
+        inputs: their values, in order.
+        operations: how the algebra does each operation.
+        constant: how the algebra spells a number.
+
+    Raises:
+        UnknownOperationError: an operation is missing.
+    """
     register: dict[int, Value] = {}
     outputs: dict[int, Value] = {}
-    for k in range(compiled.n_instructions()):
-        operation = compiled.instruction_id(k)
-        source = compiled.instruction_input(k)
-        target = compiled.instruction_output(k)
+    for k in range(function.n_instructions()):
+        operation = function.instruction_id(k)
+        source = function.instruction_input(k)
+        target = function.instruction_output(k)
         if operation == ca.OP_INPUT:
-            register[target[0]] = inputs[function.inputs[source[0]].name]
+            register[target[0]] = inputs[source[0]]
         elif operation == ca.OP_OUTPUT:
             outputs[target[0]] = register[source[0]]
         elif operation == ca.OP_CONST:
-            register[target[0]] = constant(compiled.instruction_constant(k))
+            register[target[0]] = constant(function.instruction_constant(k))
         elif operation in operations:
             register[target[0]] = operations[operation](*(register[s] for s in source))
         else:
-            name = _NAMES.get(operation, str(operation))
-            raise UnknownOperationError(f"{function.name}: no rule for {name}")
-    return {q.name: outputs[i] for i, q in enumerate(function.quantities)}
+            raise UnknownOperationError(f"no rule for {_NAMES.get(operation, str(operation))}")
+    return [outputs[i] for i in range(function.n_out())]
