@@ -30,7 +30,7 @@ from verification.energy.audit import (
     tde_error_of_s,
     window_means,
 )
-from verification.energy.recording import EnergyError, Gains, Recording, gains_of, record
+from verification.energy.recording import EnergyError, Gains, Recording, _wrapped, gains_of, record
 
 L = 0.001
 ROW = "Exp08"
@@ -55,19 +55,23 @@ class Flown:
         return audit(ROW, names, gains_of(self.specification), replace(self.recording, **changes))
 
 
-@pytest.fixture(scope="module")
-def flown() -> Flown:
+def fly(first: int, ticks: int) -> Flown:
     shipped, tuned = load(CONTROLLER), load(CONTROLLER, experiment=ROW)
     robot = load_robot(ROBOT)
     plant = build_plant(robot)
     assert robot.trajectory is not None
     whole = beginning(plant, robot.trajectory, L)
-    begin = whole.part(0, TICKS, whole.state)
+    begin = whole.part(first, ticks, whole.state)
     loop = CompiledLoop(plant, shipped)
     controller = loop.controller()
     controller.set_gains(tuned)
     run = loop.run(plant, controller, begin, L)
     return Flown(tuned, controller, begin, run, record(controller, begin, run))
+
+
+@pytest.fixture(scope="module")
+def flown() -> Flown:
+    return fly(0, TICKS)
 
 
 def power(x: float, exponent: float) -> float:
@@ -161,6 +165,13 @@ def test_shares_and_bound_are_what_a_loop_over_the_ticks_counts(flown: Flown, j:
 
 
 @pytest.mark.closed_loop
+def test_s_begins_at_0_with_a_reference_that_moves_already() -> None:
+    recording = fly(40, 20).recording
+    assert np.abs(recording.velocity_error[0]).min() > 1e-5
+    assert recording.sliding[0].tolist() == [0.0, 0.0, 0.0]
+
+
+@pytest.mark.closed_loop
 def test_what_is_promised_of_the_closed_loop(flown: Flown) -> None:
     told = flown.audit()
     assert told.saturated_ticks == 0
@@ -196,6 +207,11 @@ def test_the_c_with_other_gains_is_not_taken_for_the_run(flown: Flown) -> None:
             record(flown.controller, flown.begin, flown.run)
     finally:
         flown.controller.set_gains(flown.specification)
+
+
+def test_errors_of_position_wrap_with_the_counter() -> None:
+    numbers = np.array([0, 2**31 - 1, 2**31, -(2**31) - 1, 2**32 + 5])
+    assert _wrapped(numbers).tolist() == [0, 2**31 - 1, -(2**31), 2**31 - 1, 5]
 
 
 # --- Motions that are known ----------------------------------------------------------------------
@@ -303,6 +319,7 @@ def test_the_command_leaves_figures_and_picture(
     assert (scratch / "energy.svg").read_bytes() == picture
     told = capsys.readouterr().out
     assert "waist" in told
+    assert "[rad/s²]" in told
     assert "Largest |s| over the bound (38)" in told
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from verification.energy.audit import ROBOT, WINDOW_TICKS, JointEnergy, RowEnergy, window_means
@@ -48,7 +49,7 @@ def _table(
     columns: Sequence[str],
     cells: Callable[[JointEnergy], Iterable[str]],
 ) -> Table:
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    table = Table(title=escape(title), title_justify="left", box=None, pad_edge=False)
     table.add_column("row")
     table.add_column("joint")
     for column in columns:

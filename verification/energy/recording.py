@@ -124,7 +124,7 @@ def record(controller: GeneratedController, begin: Beginning, run: Run) -> Recor
     return Recording(
         sample_time_s=step,
         time_s=run.time_s,
-        position_error=error_q8 * count / 256,
+        position_error=_wrapped(error_q8) * count / 256,
         velocity_error=velocity_error.astype(np.float64),
         sliding=(velocity_error + integral).astype(np.float64),
         acceleration=change * count / step**2,
@@ -134,3 +134,9 @@ def record(controller: GeneratedController, begin: Beginning, run: Run) -> Recor
         count_acceleration=np.abs(count) / step**2,
         saturated_ticks=int(np.count_nonzero(run.status > 0)),
     )
+
+
+def _wrapped(numbers: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Modulo 2^32 as an int32_t: positions wrap, and the C's errors of position with them."""
+    wrapped: NDArray[np.int64] = (numbers + 2**31) % 2**32 - 2**31
+    return wrapped
