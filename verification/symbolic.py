@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias, get_args
 
@@ -92,7 +92,12 @@ class _Printer(StrPrinter):  # type: ignore[misc]
             name, arguments = expression.func.__name__, map(self._print, expression.args)
             return f"{name}({', '.join(arguments)})"
         base, exponent = expression.args
-        return f"sig({self._print(base)})^{self._print(exponent)}"
+        return f"sig({self._print(base)})^{self._grouped(exponent)}"
+
+    def _grouped(self, expression: Expr) -> str:
+        """A base or an exponent, which is in brackets unless it is a single number or name."""
+        text: str = self._print(expression)
+        return f"({text})" if " " in text or "/" in text else text
 
     def _print_Derivative(self, expression: Expr) -> str:  # noqa: N802 (SymPy's hook)
         variable, order = expression.variable_count[0]
@@ -129,9 +134,9 @@ class _Printer(StrPrinter):  # type: ignore[misc]
 
     def _print_Pow(self, expression: Expr, rational: bool = False) -> str:  # noqa: ARG002, N802
         if expression.exp.is_negative:
-            return f"1/{self._print(1 / expression)}"
-        base = self._print(expression.base)
-        return f"({base})^{expression.exp}" if " " in base else f"{base}^{expression.exp}"
+            below = self._print(1 / expression)
+            return f"1/({below})" if " " in below and expression.exp == -1 else f"1/{below}"
+        return f"{self._grouped(expression.base)}^{self._grouped(expression.exp)}"
 
 
 def _rank(text: str, order: tuple[str, ...]) -> int:
@@ -225,6 +230,37 @@ def closed_loop(law: Callable[[Expr], Expr] = inclusive_law) -> Proof:
         "(32)",
         "The inclusive law on the robot gives ṡ + λ sig(s)^γ = ε, for every sig, every "
         "reference, every robot and every gain.",
+        steps,
+        left - tde_error(t),
+    )
+
+
+def nonlinear_law(time: Expr) -> Expr:
+    """The torque of the law without correction of the TDE error (24)."""
+    return M * (qdd_d(time) + ded(e(time).diff(time), e(time))) + estimate(time)
+
+
+def uncorrected_loop(law: Callable[[Expr], Expr] = nonlinear_law) -> Proof:
+    """(24) put into (2) gives (25), which is sdot = eps (27).
+
+    Args:
+        law: the torque as a function of time; another one than (24) must not pass.
+    """
+    torque = law(t).subs(tau(t - L), robot_torque(t - L))
+    acceleration = sp.expand((torque - N(t)) / M)
+    rate = sliding_variable(t).diff(t)
+    left = rate.subs(e(t).diff(t, 2), qdd_d(t) - acceleration)
+    steps = (
+        Step("(24)", "The law", _equals(tau(t), law(t))),
+        Step("(2)", "moves the robot with", _equals(qdd(t), acceleration)),
+        Step("(26)", "The sliding variable changes by", _equals(s(t).diff(t), rate)),
+        Step("(25)", "which is, put in,", _equals(s(t).diff(t), sp.expand(left))),
+        Step("(27)", "the error of the estimate (11)", f"ε(t) = {show(tde_error(t))}"),
+    )
+    return conclude(
+        "uncorrected_loop",
+        "(27)",
+        "Without correction of the error of time delay estimation, ṡ = ε: nothing pulls s back.",
         steps,
         left - tde_error(t),
     )
@@ -375,6 +411,191 @@ def model_free_closed_loop(law: ModelFreeLaw = model_free_law) -> Proof:
         steps,
         sp.Abs(sp.simplify(sp.expand(left - rest))) + sp.Abs(sp.simplify(error - tde_error(t))),
     )
+
+
+# --- Energy ------------------------------------------------------------------------------------
+
+# SymPy does not simplify |x| and sgn(x). A number is its sign times its magnitude instead: each
+# statement is proved for every sign, 0 among them, with magnitudes greater than 0.
+_E_MAGNITUDE, _ED_MAGNITUDE, _S_MAGNITUDE = sp.symbols("|e| |ė| |s|", positive=True)
+_SIGNS = (1, -1, 0)
+
+EnergyFunction: TypeAlias = Callable[[Expr, Expr], Expr]
+"""|e| and |ed| to an energy."""
+SlidingEnergy: TypeAlias = Callable[[Expr], Expr]
+"""|s| to an energy."""
+
+
+def energy(position_magnitude: Expr, velocity_magnitude: Expr) -> Expr:
+    """V of (20), the energy of the desired error dynamics, of |e| and |ed|."""
+    return velocity_magnitude**2 / 2 + KP * position_magnitude ** (BETA + 1) / (BETA + 1)
+
+
+def sliding_energy(magnitude: Expr) -> Expr:
+    """Vs of appendix B, s^2/2, of |s|."""
+    return magnitude**2 / 2
+
+
+def _signed(sign: int, magnitude: Expr, exponent: Expr) -> Expr:
+    """sig(x)^a of x = sign * magnitude, by its definition below (17); a > 0 where x is 0."""
+    return sign * magnitude**exponent
+
+
+def _sum_of_magnitudes(residuals: Iterable[Expr]) -> Expr:
+    """Zero only if every residual is."""
+    return sum((sp.Abs(sp.simplify(sp.expand(r))) for r in residuals), sp.Integer(0))
+
+
+def energy_falls(function: EnergyFunction = energy) -> Proof:
+    """(20) along (17) gives (21), Vdot = -KD |ed|^(alpha+1), in each quadrant and on the axes.
+
+    Args:
+        function: the energy; another one than (20) must not pass.
+    """
+    a, b = _E_MAGNITUDE, _ED_MAGNITUDE
+    energy_ = function(a, b)
+
+    def residual(sign_e: int, sign_ed: int) -> Expr:
+        velocity = _signed(sign_ed, b, 1)
+        acceleration = -KD * _signed(sign_ed, b, ALPHA) - KP * _signed(sign_e, a, BETA)
+        # By the chain rule; where e or ed is 0 its sign is, and so is the slope of (20) there.
+        rate = sign_e * energy_.diff(a) * velocity + sign_ed * energy_.diff(b) * acceleration
+        return rate + KD * abs(sign_ed) * b ** (ALPHA + 1)
+
+    steps = (
+        Step("(20)", "The energy, with α, β > 0", f"V = {show(energy_)}"),
+        Step("(20)", "has the slopes", f"sgn(e) {show(sp.simplify(energy_.diff(a)))}"),
+        Step("(20)", "and", f"sgn(ė) {show(sp.simplify(energy_.diff(b)))}"),
+        Step("(17)", "Along", f"ë = {show(-ded(_ED, _E))}"),
+        Step("(21)", "for each sign of e and ė, 0 too,", f"V̇ = {show(-KD * b ** (ALPHA + 1))}"),
+    )
+    return conclude(
+        "energy_falls",
+        "(21)",
+        "Along the desired error dynamics its energy changes by V̇ = -K_D |ė|^(α + 1), for every "
+        "α, β > 0, in each quadrant and on the axes.",
+        steps,
+        _sum_of_magnitudes(residual(x, y) for x in _SIGNS for y in _SIGNS),
+    )
+
+
+def finite_time_scale(exponent: Expr) -> Expr:
+    """The factor of sig(e)^(1/(2-alpha)) in the normal form of the finite-time pair."""
+    return sp.sqrt(KP * (2 - exponent))
+
+
+def finite_time_normal_form(scale: Callable[[Expr], Expr] = finite_time_scale) -> Proof:
+    """The finite-time pair (34)(35) in coordinates in which only two numbers are left.
+
+    X = sqrt(KP (2-alpha)) sig(e)^(1/(2-alpha)) and Y = ed obey X' = kappa |X|^(alpha-1) Y and
+    Y' = -kappa sig(X)^alpha - KD sig(Y)^alpha.
+
+    Args:
+        scale: alpha to the factor in X; another one must not pass.
+    """
+    # Written with beta, which may be any number above 0, no base can be negative.
+    alpha = 2 * BETA / (1 + BETA)
+    rest = sp.simplify(2 - alpha)
+    kappa = KP ** (rest / 2) * rest ** (-alpha / 2)
+    magnitude = scale(alpha) * _E_MAGNITUDE ** (1 / rest)
+    # For e not 0: the signs of both sides are those of ed and of e, their magnitudes compare.
+    ratios = (
+        magnitude.diff(_E_MAGNITUDE) / (kappa * magnitude ** (alpha - 1)),
+        KP * _E_MAGNITUDE**BETA / (kappa * magnitude**alpha),
+    )
+    residuals = (sp.expand_log(sp.log(sp.simplify(ratio)), force=True) for ratio in ratios)
+    x_, y_ = _real("X", "Y")
+    power = (2 - ALPHA) / 2
+    kappa_ = sp.Symbol("κ", positive=True)
+    factor, exponent = show(scale(ALPHA)), show(1 / (2 - ALPHA))
+    steps = (
+        Step("(34)(35)", "The finite-time pair", f"β = {show(ALPHA / (2 - ALPHA))}, 0 < α < 1"),
+        Step("(17)", "With", f"X = {factor} sig(e)^({exponent}), Y = ė"),
+        Step("(17)", "and", f"κ = {show(KP**power)}/{show((2 - ALPHA) ** (ALPHA / 2))}"),
+        Step("(17)", "the rate of e is, for e ≠ 0,", "Ẋ = κ |X|^(α - 1) Y"),
+        Step("(17)", "and ë is", f"Ẏ = {show(-kappa_ * sig(x_, ALPHA) - KD * sig(y_, ALPHA))}"),
+    )
+    return conclude(
+        "finite_time_normal_form",
+        "(35)",
+        "With β = α/(2 - α) the desired error dynamics is Ẋ = κ |X|^(α - 1) Y, "
+        "Ẏ = -κ sig(X)^α - K_D sig(Y)^α for e ≠ 0: besides time, only α and K_D/κ matter.",
+        steps,
+        _sum_of_magnitudes(residuals),
+    )
+
+
+def sliding_energy_rate(function: SlidingEnergy = sliding_energy) -> Proof:
+    """Vs along (32) changes by s eps - lambda |s|^(gamma+1), the first lines of (57).
+
+    Args:
+        function: the energy of s; another one than s^2/2 must not pass.
+    """
+    b, error = _S_MAGNITUDE, sp.Symbol("ε", real=True)
+    energy_ = function(b)
+
+    def residual(sign: int) -> Expr:
+        rate = error - LAMBDA * _signed(sign, b, GAMMA)
+        expected = sign * b * error - LAMBDA * abs(sign) * b ** (GAMMA + 1)
+        return sign * energy_.diff(b) * rate - expected
+
+    variable = sp.Symbol("s", real=True)
+    steps = (
+        Step("(57)", "The energy", f"V_s = {show(energy_)}"),
+        Step("(32)", "along", f"ṡ = {show(error - LAMBDA * sig(variable, GAMMA))}"),
+        Step("(57)", "for each sign of s", f"V̇_s = s ε - {show(LAMBDA * b ** (GAMMA + 1))}"),
+    )
+    return conclude(
+        "sliding_energy_rate",
+        "(57)",
+        "Along the closed loop V_s = s²/2 changes by V̇_s = s ε - λ |s|^(γ + 1).",
+        steps,
+        _sum_of_magnitudes(residual(sign) for sign in _SIGNS),
+    )
+
+
+def sliding_bound(
+    bound: Callable[[Expr, Expr], Expr] = lambda xi, gamma: (xi / LAMBDA) ** (1 / gamma),
+) -> Proof:
+    """Outside |s| = (xi/lambda)^(1/gamma) (38) Vs falls, for every TDE error within xi.
+
+    Args:
+        bound: of |s|, from xi and gamma; another one than (38) must not pass.
+    """
+    b, size, spare, margin = sp.symbols("|s| |ε| ξ-|ε| g", positive=True)
+    # Any error within xi: xi is its magnitude and what is spare.
+    slacks = [
+        sp.expand(b * (size + spare) - sign_s * sign_error * b * size)
+        for sign_s in (1, -1)
+        for sign_error in _SIGNS
+    ]
+    xi = sp.Symbol("ξ", positive=True)
+
+    def factor(magnitude: Expr) -> Expr:
+        """What |s| is multiplied by in the last line of (57)."""
+        return xi - LAMBDA * magnitude**GAMMA
+
+    # |s| is beyond the bound of xi where it is at the bound of xi + g for some g > 0.
+    outside = factor(bound(xi + margin, GAMMA))
+    at_sign = factor(b).subs(GAMMA, 0)
+    steps = (
+        Step("(57)", "With |ε| ≤ ξ", "V̇_s ≤ |s| (ξ - λ |s|^γ)"),
+        Step("(58)", "For g > 0, at", f"|s| = {show(bound(xi + margin, GAMMA))}"),
+        Step("(58)", "the factor of |s| is", f"{show(factor(b))} = {show(sp.simplify(outside))}"),
+        Step("(38)", "less than 0; g = 0 gives the bound", f"|s| ≤ {show(bound(xi, GAMMA))}"),
+        Step("(59)", "For γ = 0 the factor is", f"{show(at_sign)} < 0 if λ > ξ (37)"),
+    )
+    proof = conclude(
+        "sliding_bound",
+        "(38)",
+        "Where |ε| ≤ ξ, V̇_s < 0 outside |s| ≤ (ξ/λ)^(1/γ), for every γ > 0; s, which starts from "
+        "0, stays within. For γ = 0 V̇_s < 0 wherever s ≠ 0, if λ > ξ.",
+        steps,
+        _sum_of_magnitudes((outside + margin, at_sign - (xi - LAMBDA))),
+    )
+    if not all(slack.is_nonnegative for slack in slacks):
+        return replace(proof, residual="s ε may exceed |s| ξ", holds=False)
+    return proof
 
 
 # --- The law that the C is printed from --------------------------------------------------------
@@ -729,7 +950,12 @@ def sampled_closed_loops() -> tuple[Proof, ...]:
 def all_proofs() -> tuple[Proof, ...]:
     """Every proof of this module, the paper's first."""
     return (
+        energy_falls(),
+        finite_time_normal_form(),
+        uncorrected_loop(),
         closed_loop(),
+        sliding_energy_rate(),
+        sliding_bound(),
         ideal_velocity(),
         low_pass_is_a_smaller_inertia(),
         model_free_is_hsia(),

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+import sympy as sp
 
 from codegen import law as coded
 from codegen.law import LawFunction, LawOptions, Quantity, measurement, torque_law
@@ -186,3 +187,77 @@ def test_a_special_case_with_another_formula_is_not_proved() -> None:
 )
 def test_a_wrong_model_free_law_is_not_proved(prove: Any, wrong: Any) -> None:
     assert not prove(wrong).holds
+
+
+A, B = sp.symbols("|e| |ė|", positive=True)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda e, ed: ed**2 / 2 - sy.KP * e ** (sy.BETA + 1) / (sy.BETA + 1),
+        lambda e, ed: ed**2 / 2 + sy.KP * e ** (sy.BETA + 1),
+        lambda e, ed: ed**2 / 2 + sy.KP * e ** (sy.ALPHA + 1) / (sy.ALPHA + 1),
+        lambda e, ed: ed**2 + sy.KP * e ** (sy.BETA + 1) / (sy.BETA + 1),
+        lambda _, ed: ed**2 / 2,
+    ],
+    ids=["sign of the spring", "its factor", "its exponent", "no half", "no spring"],
+)
+def test_another_energy_does_not_fall_as_21(wrong: Any) -> None:
+    assert sy.energy_falls(sy.energy).holds
+    assert not sy.energy_falls(wrong).holds
+
+
+@pytest.mark.parametrize(
+    "scale",
+    [
+        lambda alpha: sy.KP * (2 - alpha),
+        lambda alpha: (sy.KP * (1 + alpha)) ** sp.Rational(1, 2),
+        lambda _: sp.Integer(1),
+    ],
+)
+def test_other_coordinates_are_not_the_normal_form(scale: Any) -> None:
+    assert not sy.finite_time_normal_form(scale).holds
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [sy.inclusive_law, lambda t: sy.nonlinear_law(t) - 2 * sy.M * sy.KP * sy.sig(sy.e(t), sy.BETA)],
+    ids=["with correction", "sign of the spring"],
+)
+def test_another_law_than_24_does_not_give_27(wrong: Any) -> None:
+    assert not sy.uncorrected_loop(wrong).holds
+
+
+@pytest.mark.parametrize("wrong", [lambda s: s**2, lambda s: -(s**2) / 2, lambda s: s])
+def test_another_energy_of_s_does_not_change_as_57(wrong: Any) -> None:
+    assert not sy.sliding_energy_rate(wrong).holds
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda xi, gamma: (xi / sy.LAMBDA) ** gamma,
+        lambda xi, gamma: (xi * sy.LAMBDA) ** (1 / gamma),
+        lambda xi, _: xi / sy.LAMBDA,
+        lambda xi, gamma: (xi / sy.LAMBDA) ** (1 / (gamma + 1)),
+    ],
+)
+def test_another_bound_than_38_is_not_proved(wrong: Any) -> None:
+    assert not sy.sliding_bound(wrong).holds
+
+
+def test_the_energy_falls_in_numbers_too() -> None:
+    """The rate of (20) along (17) by differences, beside (21), with SymPy's symbols replaced."""
+    kd, kp, alpha, beta, h = 20.0, 100.0, 0.95, 0.7, 1e-6
+    values = {sy.KD: kd, sy.KP: kp, sy.ALPHA: alpha, sy.BETA: beta}
+    function = sp.lambdify((A, B), sy.energy(A, B).subs(values), "math")
+
+    def sign_power(x: float, a: float) -> float:
+        return float(abs(x) ** a * (1 if x > 0 else -1))
+
+    for e, ed in ((0.3, 0.5), (-0.3, 0.5), (0.3, -0.5), (-0.3, -0.5)):
+        edd = -kd * sign_power(ed, alpha) - kp * sign_power(e, beta)
+        ahead = function(abs(e + h * ed), abs(ed + h * edd))
+        behind = function(abs(e - h * ed), abs(ed - h * edd))
+        assert (ahead - behind) / (2 * h) == pytest.approx(-kd * abs(ed) ** (alpha + 1), rel=1e-6)
