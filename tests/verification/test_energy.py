@@ -289,6 +289,17 @@ def test_the_bound_is_38_where_there_is_one() -> None:
     assert bound_of_s(10.0, 20.0, 0.0) is None
 
 
+def test_a_variable_that_jumps_is_pulled_less_than_at_its_mean() -> None:
+    s = np.tile([-0.4, 0.6], 26)
+    nothing = np.zeros(len(s))
+    # The mean of -0.4^0.5 and 0.6^0.5 over 0.1^0.5, by hand.
+    told = audit("", ["joint"], gains(gamma=0.5), recorded(nothing, nothing, s)).joints[0]
+    assert told.mean_pull is None  # there is no TDE error, and with it no bound
+    moved = replace(recorded(nothing, nothing, s), torque_Nm=np.arange(52.0)[:, None] % 3)
+    told = audit("", ["joint"], gains(gamma=0.5), moved).joints[0]
+    assert told.mean_pull == pytest.approx((0.6**0.5 - 0.4**0.5) / 2 / 0.1**0.5)
+
+
 def test_means_are_of_whole_windows() -> None:
     assert window_means(np.arange(120.0)).tolist() == [24.5, 74.5]
     assert window_means(np.ones((3, 2))).tolist() == [[1.0, 1.0]]

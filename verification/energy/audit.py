@@ -101,6 +101,8 @@ class JointEnergy:
         mean_over_bound: largest |s|, as means too, over (38) with that; None without correction.
             (38) promises no 1 at most here: for gamma < 1 the mean of sig(s)^gamma, which pulls
             s back, is less than sig(mean s)^gamma where s jumps to and fro by counts.
+        mean_pull: mean of sig(s)^gamma in a window over sig(mean s)^gamma, median magnitude; None
+            without correction.
         identity_error: largest difference of the two ways to eps [rad/s^2].
     """
 
@@ -118,6 +120,7 @@ class JointEnergy:
     over_bound: float | None
     largest_mean_tde_error: float
     mean_over_bound: float | None
+    mean_pull: float | None
     identity_error: float
 
 
@@ -174,6 +177,7 @@ def audit(exp: str, names: Sequence[str], gains: Gains, recording: Recording) ->
     difference = np.abs(tde_error_of_s(gains, recording) - error).max(axis=0)
     largest = np.abs(recording.sliding).max(axis=0)
     mean_xi, mean_largest = (np.abs(window_means(x)).max(axis=0) for x in (error, s))
+    pull, pull_at_mean = window_means(sig(s, gains.gamma)), sig(window_means(s), gains.gamma)
 
     def joint(j: int) -> JointEnergy:
         bound = bound_of_s(xi[j], gains.lambda_[j], gains.gamma[j])
@@ -194,6 +198,7 @@ def audit(exp: str, names: Sequence[str], gains: Gains, recording: Recording) ->
             over_bound=float(largest[j] / bound) if bound else None,
             largest_mean_tde_error=float(mean_xi[j]),
             mean_over_bound=float(mean_largest[j] / mean_bound) if mean_bound else None,
+            mean_pull=_median_ratio(pull[:, j], pull_at_mean[:, j]) if mean_bound else None,
             identity_error=float(difference[j]),
         )
 
@@ -216,6 +221,11 @@ def window_means(signal: Floats) -> Floats:
     whole = len(signal) // window * window
     means: Floats = signal[:whole].reshape(-1, window, *signal.shape[1:]).mean(axis=1)
     return means
+
+
+def _median_ratio(numerator: Floats, denominator: Floats) -> float:
+    there = denominator != 0.0
+    return float(np.median(np.abs(numerator[there] / denominator[there])))
 
 
 def _share(ticks: NDArray[np.bool_]) -> float:

@@ -37,7 +37,7 @@ def tables_of(rows: Sequence[RowEnergy]) -> tuple[Table, ...]:
     bounds = _table(
         rows,
         "ξ, largest |ε| [rad/s²], and |s| [rad/s] over its bound (38)",
-        ("ξ", "max |s|", "over (38)", "means: ξ", "over (38)"),
+        ("ξ", "max |s|", "over (38)", "means: ξ", "over (38)", "pull"),
         _bounds,
     )
     return shares, bounds
@@ -78,6 +78,7 @@ def _bounds(joint: JointEnergy) -> Iterable[str]:
     yield _ratio(joint.over_bound)
     yield f"{joint.largest_mean_tde_error:.2f}"
     yield _ratio(joint.mean_over_bound)
+    yield _ratio(joint.mean_pull)
 
 
 def _ratio(value: float | None) -> str:
@@ -95,9 +96,14 @@ def notes(rows: Sequence[RowEnergy]) -> Iterable[str]:
         "the velocity error plus the integral in its memory."
     )
     yield (
-        "as (21): V falls by L KD |ed|^(alpha+1) or more; broken: |eps| >= lambda |s|^gamma (58); "
+        "as (21): V falls by L KD |ed|^(alpha+1) or more; broken: |eps| >= lambda |s|^gamma (58)."
+    )
+    yield (
         f"means: of {WINDOW_TICKS} ticks each, for which (38) is no promise: where s jumps by "
         "counts, a correction with gamma < 1 pulls less at its mean than (38) takes it to."
+    )
+    yield (
+        "pull: what is left of it, mean of sig(s)^gamma over sig(mean s)^gamma, median of windows."
     )
     yield (
         "What neither grows nor vanishes in the long run falls in about half of the ticks, "
