@@ -172,7 +172,7 @@ _SPECIAL = (
     "the law is (31) with the preset's gains, in real numbers; that both C have the same bits is "
     "sampled"
 )
-_NO_BOUND = "not checked: no test or proof here bounds eps by xi"
+_NO_BOUND = "no proof of its own: a step of that of (38), for one joint"
 _LEMMA = "not used: a published lemma, and the certificates of (34)(35) go without it"
 
 
@@ -366,13 +366,16 @@ _NONLINEAR = (
     _equation(
         21,
         "It falls by what the damper takes: Vdot = - sum of KD |ed|^(alpha+1).",
-        Evidence.SAMPLED,
-        "along single motions of the exponents of Fig. 1 and Fig. 2; in general by hand, in the "
-        "module of `classify`",
+        Evidence.PROVED,
+        "for all gains and exponents, in each quadrant, on the axes and at the origin; beside that "
+        "sampled along single motions",
         ErrorDynamics.power,
         classify,
-        tests=(_FIGURES + "test_energy_falls_by_what_the_damper_takes",),
-        commands=("error-dynamics",),
+        tests=(
+            _SYMBOLIC + "test_another_energy_does_not_fall_as_21",
+            _FIGURES + "test_energy_falls_by_what_the_damper_takes",
+        ),
+        commands=("error-dynamics", "energy"),
     ),
 )
 
@@ -403,8 +406,7 @@ _INCLUSIVE = (
         25,
         "Its closed loop: edd + KD sig(ed)^alpha + KP sig(e)^beta = eps.",
         None,
-        "no proof of its own: (32) with lambda = 0, whose left side is then this one; the proof of "
-        "(32) has lambda > 0",
+        "no proof of its own: a step of that of (27), whose left side is this one",
     ),
     _equation(
         26,
@@ -420,8 +422,10 @@ _INCLUSIVE = (
     _equation(
         27,
         "Without correction s drifts with the estimate's error: sdot = eps.",
-        None,
-        "no proof of its own: (32) with lambda = 0; the proof of (32) has lambda > 0",
+        Evidence.PROVED,
+        "in continuous time, from (24) and (26)",
+        symbolic.uncorrected_loop,
+        tests=(_SYMBOLIC + "test_another_law_than_24_does_not_give_27",),
     ),
     _equation(
         28,
@@ -529,8 +533,11 @@ _ANALYSIS = (
     _equation(
         38,
         "gamma > 0: |s_i| < (xi/lambda_min)^(1/gamma_i) in the end.",
-        None,
-        f"{_NO_BOUND}, so that none of s follows either",
+        Evidence.PROVED,
+        "for one joint: outside the bound Vs falls, for every eps within xi; in continuous time",
+        symbolic.sliding_bound,
+        tests=(_SYMBOLIC + "test_another_bound_than_38_is_not_proved",),
+        commands=("energy",),
     ),
     *(
         _equation(
@@ -643,8 +650,11 @@ _APPENDIX_B = (
     _equation(
         57,
         "Vs = s's/2 has Vsdot <= sum of |s_i| (xi - lambda_min |s_i|^gamma_i).",
-        None,
-        _NO_BOUND,
+        Evidence.PROVED,
+        "for one joint, with its own lambda; the paper's smallest lambda only loosens it",
+        symbolic.sliding_energy_rate,
+        tests=(_SYMBOLIC + "test_another_energy_of_s_does_not_change_as_57",),
+        commands=("energy",),
     ),
     _equation(58, "Hence Vs falls where |s_i|^gamma_i > xi/lambda_min for all i.", None, _NO_BOUND),
     _equation(59, "gamma = 0: Vsdot <= sum of |s_i| (xi - lambda_min).", None, _NO_BOUND),

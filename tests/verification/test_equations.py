@@ -88,10 +88,10 @@ _WRONG: dict[str, tuple[int, Callable[[Equation], Equation], str]] = {
     "helper": (1, lambda e: replace(e, tests=("tests/plant/test_model.py::x",)), "is no test"),
     "symbol": (1, lambda e: replace(e, code=(_missing,)), "no nobody in"),
     "command": (31, lambda e: replace(e, commands=("prove-it",)), "no command"),
-    "proved": (38, lambda e: replace(e, evidence=Evidence.PROVED), "proved by nothing"),
+    "proved": (45, lambda e: replace(e, evidence=Evidence.PROVED), "proved by nothing"),
     "step only": (29, lambda e: replace(e, evidence=Evidence.PROVED), "proved by nothing"),
-    "no checker": (35, lambda e: replace(e, certified=e.certified[:1]), "proved by nothing"),
-    "sampled": (21, lambda e: replace(e, tests=()), "sampled by nothing"),
+    "no checker": (18, lambda e: replace(e, certified=e.certified[:1]), "proved by nothing"),
+    "sampled": (1, lambda e: replace(e, tests=()), "sampled by nothing"),
 }
 
 
