@@ -16,6 +16,7 @@ event that stands later in the file counts.
 from __future__ import annotations
 
 import tomllib
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
@@ -68,7 +69,7 @@ class _Stage:
         self.timings.append(timing)
 
 
-class _Event(BaseModel):
+class _Event(BaseModel, ABC):
     """What all events have."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
@@ -83,9 +84,9 @@ class _Event(BaseModel):
         first, last = np.searchsorted(time, [self.at_s, np.inf if end is None else end])
         return slice(int(first), int(last))
 
+    @abstractmethod
     def act(self, stage: _Stage) -> None:
         """Writes the event into the script."""
-        raise NotImplementedError
 
 
 class _JointEvent(_Event):
