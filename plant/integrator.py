@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -40,6 +41,8 @@ class Integrator:
         self._model = pin.Model(plant.model if model is None else model)
         self._data = self._model.createData()
         self._armature = self._model.armature.copy()
+        # A run has few different parts of ticks, and many ticks.
+        self._lag = lru_cache(maxsize=16)(plant.drive.lag)
 
     def advance(
         self,
@@ -69,7 +72,7 @@ class Integrator:
                 replace(state, command_Nm=command_Nm), np.zeros_like(state.q), command_Nm
             )
         h, plant = duration_s / steps, self._plant
-        lag = plant.drive.lag(h, steps)
+        lag = self._lag(h, steps)
         mean = command_Nm + (state.torque_Nm - command_Nm) * lag.mean_of_all
         q, qd = state.q.copy(), state.qd.copy()
         # Where joints are rigid, both names stand for the same arrays.
