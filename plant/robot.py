@@ -340,16 +340,19 @@ def read_robot_file(path: Path) -> RobotFile:
     return _read(path, ())
 
 
-def friction_name(path: Path) -> FrictionName | None:
-    """The friction model that a robot file asks for, or that of the robot it takes it from.
+def friction_table(path: Path) -> FrictionTable | None:
+    """The friction that a robot file gives, or that of the robot it names for it.
 
     Raises:
-        RobotError: see :func:`read_robot_file`.
+        RobotError: see :func:`read_robot_file`; or the robot that is named gives none itself.
     """
     file = read_robot_file(path)
-    if file.friction_from is not None:
-        return friction_name(_path(file.friction_from))
-    return None if file.friction is None else file.friction.model
+    if file.friction_from is None:
+        return file.friction
+    table = read_robot_file(_path(file.friction_from)).friction
+    if table is None:
+        raise RobotError(f"friction_from: {file.friction_from} has no [friction] of its own")
+    return table
 
 
 def _read(path: Path, variants: tuple[Path, ...]) -> RobotFile:
@@ -396,6 +399,8 @@ def _from_here(file: RobotFile, folder: Path) -> RobotFile:
     update: dict[str, object] = {}
     if file.controller is not None:
         update["controller"] = str(folder / file.controller)
+    if file.friction_from is not None and file.friction_from.endswith(".toml"):
+        update["friction_from"] = str(folder / file.friction_from)
     if file.urdf is not None and file.urdf.file is not None and file.urdf.package is None:
         update["urdf"] = file.urdf.model_copy(update={"file": str(folder / file.urdf.file)})
     return file.model_copy(update=update)
@@ -422,6 +427,7 @@ def load_robot(
     path = _path(robot)
     file = read_robot_file(path)
     try:
+        friction_table(path)
         return _resolve(path.stem, file, _body(file, urdf), lock_wrist, friction)
     except (RobotError, UrdfError) as error:
         raise RobotError(f"{path.name}: {error}") from error

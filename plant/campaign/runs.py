@@ -28,7 +28,7 @@ from plant.robot import (
     FrictionName,
     LinksTable,
     Robot,
-    friction_name,
+    friction_table,
     load_robot,
     read_robot_file,
 )
@@ -110,6 +110,7 @@ def prepare(specification: CampaignSpecification, folder: Path) -> Campaign:
         check_encoders(shipped, robot)
         _check_amplitude(robot, specification)
         _check_springs(robot, specification)
+    friction = friction_table(file)
     sources = sources_of(shipped)
     workshop = Workshop(specification, shipped, robots, sources)
     _check_gains(workshop, gain_sets)
@@ -118,6 +119,8 @@ def prepare(specification: CampaignSpecification, folder: Path) -> Campaign:
         "gain_sets": {name: gains.canonical() for name, gains in gain_sets.items()},
         "robot": read_robot_file(file).model_dump(mode="json", exclude={"controller", "urdf"}),
         "body": _plain(next(iter(robots.values())).body),
+        # Which model is random; by its own file a robot may take the numbers from another.
+        "friction": friction.model_dump(mode="json") if friction is not None else None,
     }
     return Campaign(
         inputs_sha256=hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest(),
@@ -153,10 +156,10 @@ def _robots(file: Path, specification: CampaignSpecification) -> dict[FrictionNa
     names = specification.plants.friction_models
     if names is not None:
         return {friction: load_robot(name, friction=friction) for friction in names}
-    friction = friction_name(file)
+    friction = friction_table(file)
     if friction is None:
         raise PlantError(f"robot {file.stem} has no [friction]: add one to its file")
-    return {friction: load_robot(name)}
+    return {friction.model: load_robot(name)}
 
 
 def _motion(robot: Robot) -> RestToRest:

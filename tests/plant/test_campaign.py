@@ -30,7 +30,7 @@ from plant.campaign.runs import Campaign, CampaignError, fly_plants, prepare
 from plant.campaign.specification import PlantsTable, read
 from plant.flight import fly
 from plant.model import dynamics
-from plant.robot import FrictionName, load_robot
+from plant.robot import ROBOTS, FrictionName, load_robot
 
 ROOT = Path(__file__).parents[2]
 PUMA3 = ROOT / "controllers" / "puma3.toml"
@@ -299,6 +299,26 @@ def test_runs_of_another_specification_are_refused(
 ) -> None:
     with pytest.raises(CampaignError, match=f"differs in {told}: name another --output"):
         open_folder(whole, _campaign(tmp_path, SMALL.replace(old, new)))
+
+
+def test_other_friction_of_the_robot_that_gives_it_is_another_campaign(tmp_path: Path) -> None:
+    giver, robot = tmp_path / "giver.toml", tmp_path / "mine.toml"
+    text = (ROBOTS / "reference.toml").read_text(encoding="utf-8")
+    robot.write_text(
+        'description = "d"\nbased_on = "reference"\nfriction_from = "giver.toml"\n',
+        encoding="utf-8",
+    )
+    hashes = []
+    for viscous in ("[5, 5, 3]", "[5, 5, 4]"):
+        giver.write_text(
+            text.replace(
+                "viscous_Nms_per_rad = [5, 5, 3]", f"viscous_Nms_per_rad = {viscous}"
+            ).replace('based_on = "puma560_akb"', f'based_on = "{ROBOTS}/puma560_akb.toml"'),
+            encoding="utf-8",
+        )
+        named = SMALL.replace("[plants]", f'robot = "{robot}"\n[plants]', 1)
+        hashes.append(_campaign(tmp_path, named).inputs_sha256)
+    assert hashes[0] != hashes[1]
 
 
 def test_runs_of_other_c_are_refused(campaign: Campaign, whole: Path, tmp_path: Path) -> None:

@@ -160,3 +160,29 @@ def test_a_robot_without_a_wrist_has_none_to_lock(tmp_path: Path) -> None:
     path = _written(tmp_path, text.replace("wrist = [4, 5, 6]", ""))
     with pytest.raises(RobotError, match="no wrist to lock"):
         load_robot(path, lock_wrist=True)
+
+
+def test_friction_may_be_that_of_another_robot(tmp_path: Path) -> None:
+    own = load_robot("reference_published_friction")
+    assert own.friction == load_robot("puma560", lock_wrist=True).friction
+    assert ("friction", dict(load_robot("puma560").sources)["friction"]) in own.sources
+    (tmp_path / "base.toml").write_text(
+        'description = "d"\nbased_on = "reference"\n', encoding="utf-8"
+    )
+    mine = tmp_path / "mine.toml"
+    mine.write_text(
+        'description = "d"\nbased_on = "reference"\nfriction_from = "base.toml"\n',
+        encoding="utf-8",
+    )
+    assert load_robot(mine).friction == load_robot("reference").friction
+
+
+@pytest.mark.parametrize("name", ["mine.toml", "puma560_akb", "reference_published_friction"])
+def test_friction_comes_from_a_robot_that_has_its_own(tmp_path: Path, name: str) -> None:
+    mine = tmp_path / "mine.toml"
+    mine.write_text(
+        f'description = "d"\nbased_on = "reference"\nfriction_from = "{name}"\n',
+        encoding="utf-8",
+    )
+    with pytest.raises(RobotError, match=r"friction_from: .* has no \[friction\] of its own"):
+        load_robot(mine)
