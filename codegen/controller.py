@@ -30,8 +30,8 @@ class Joint:
     """The exact numbers of one joint.
 
     Units: inertia [kg m^2], torque_limit [N m], max_displacement [count a tick],
-    max_displacement_change [count a tick a tick]; kd, kp and lambda in the units that (17) and
-    (31) give them.
+    max_acceleration [rad/s^2] or None for what follows from Mbar; kd, kp and lambda in the units
+    that (17) and (31) give them.
     """
 
     name: str
@@ -45,7 +45,7 @@ class Joint:
     torque_limit: Fraction
     counts_per_joint_rev: Fraction
     max_displacement: int
-    max_displacement_change: int
+    max_acceleration: Fraction | None
 
     @property
     def rad_per_count(self) -> float:
@@ -67,6 +67,18 @@ class Controller:
     max_lost_ticks: int
     anti_windup: bool
     joints: tuple[Joint, ...]
+
+    def max_displacement_change(self, joint: Joint) -> int:
+        """Change of a joint's displacement from tick to tick that is still plausible [count].
+
+        By default that of twice the acceleration which the torque limit gives Mbar: what a stable
+        law controls has at least half of Mbar (33). Two counts of noise in each reading come to
+        eight.
+        """
+        acceleration = joint.max_acceleration or 2 * joint.torque_limit / joint.inertia
+        counts_per_rad = abs(joint.counts_per_joint_rev) / Fraction(2 * math.pi)
+        counts = math.ceil(acceleration * self.sample_time**2 * counts_per_rad) + COUNT_NOISE
+        return min(counts, DISPLACEMENT_MAX)
 
     def canonical(self) -> dict[str, Any]:
         """The controller as plain data with exact numbers as text: what its hash is made of."""
@@ -356,17 +368,5 @@ def _joint(name: str, row: dict[str, Any], sample_time: Fraction, problems: list
         row["torque_limit"],
         counts_per_joint_rev,
         max_displacement,
-        _max_displacement_change(row, sample_time),
+        row["acceleration"],
     )
-
-
-def _max_displacement_change(row: dict[str, Any], sample_time: Fraction) -> int:
-    """Change of displacement from tick to tick that is still plausible [count].
-
-    By default that of twice the acceleration which the torque limit gives Mbar: what a stable law
-    controls has at least half of Mbar (33). Two counts of noise in each reading come to eight.
-    """
-    acceleration = row["acceleration"] or 2 * row["torque_limit"] / row["inertia"]
-    counts_per_rad = abs(row["counts"] * row["gear"]) / Fraction(2 * math.pi)
-    counts: int = math.ceil(acceleration * sample_time**2 * counts_per_rad) + COUNT_NOISE
-    return min(counts, DISPLACEMENT_MAX)

@@ -101,7 +101,7 @@ class _Defaults:
             "inertia_factor": f"{_plain(joint.inertia)} kg m^2",
             "torque_limit_q": f"{_plain(joint.torque_limit)} N m",
             "max_displacement": str(joint.max_displacement),
-            "max_displacement_change": str(joint.max_displacement_change),
+            "max_displacement_change": str(self._controller.max_displacement_change(joint)),
         }
         ratio = self._controller.low_pass_ratio
         if field.name in texts:

@@ -537,7 +537,7 @@ def fixed_config_values(controller: Controller, joint: Joint) -> dict[str, Field
         "inertia_factor": fixed.inertia_factor,
         "torque_limit_q": fixed.torque_limit,
         "max_displacement": fixed.max_displacement,
-        "max_displacement_change": joint.max_displacement_change,
+        "max_displacement_change": controller.max_displacement_change(joint),
     }
     if fixed.low_pass_ratio is not None:
         values[f"low_pass_ratio_q{_RATIO_BITS}"] = fixed.low_pass_ratio

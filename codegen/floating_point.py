@@ -162,7 +162,8 @@ def floating_config_values(controller: Controller, joint: Joint) -> dict[str, Fi
     if controller.low_pass_ratio is not None:
         exact["low_pass_ratio"] = controller.low_pass_ratio
     values: dict[str, FieldValue] = {
-        name: getattr(joint, name) for name in ("max_displacement", "max_displacement_change")
+        "max_displacement": joint.max_displacement,
+        "max_displacement_change": controller.max_displacement_change(joint),
     }
     for field in _joint_config(controller.options, real).fields:
         if field.quantity is not None:

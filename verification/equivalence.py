@@ -41,6 +41,7 @@ from codegen.law import (
 )
 from codegen.layout import layout
 from codegen.sig_pow import tables
+from codegen.status import Status
 from plant.controller import GeneratedController, Structures, structures
 from plant.native import shared_library, sources_of
 from verification.cases import (
@@ -67,7 +68,8 @@ from verification.interval import Interval, enclose, point, rounded
 Doubles = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-OK, SATURATED, ENCODER_JUMP, NOT_FINITE, STOPPED = 0, 1, -4, -5, -7
+OK, SATURATED, STOPPED = Status.OK, Status.SATURATED, Status.STOPPED
+ENCODER_JUMP, NOT_FINITE = Status.ENCODER_JUMP, Status.NOT_FINITE
 HOLD_TORQUE = 0
 SEED = 20170
 BATCH = 10_000
@@ -573,9 +575,7 @@ def checks(batch: Batch, low_pass: bool) -> Iterator[tuple[str, Flags]]:
     yield "a stopped controller has no torque", batch.stopped & (batch.torque != 0.0).any(axis=1)
 
 
-def _distances(
-    batch: Batch, name: str, values: Doubles, among: Flags
-) -> tuple[Doubles, Doubles]:
+def _distances(batch: Batch, name: str, values: Doubles, among: Flags) -> tuple[Doubles, Doubles]:
     """Distances of the C from the double law, in units and as shares.
 
     Args:
@@ -586,9 +586,7 @@ def _distances(
     """
     exact = np.broadcast_to(batch.outputs.exact[name], values.shape)[among]
     enclosed = batch.outputs.enclosed[name]
-    low, high = (
-        np.broadcast_to(end, values.shape)[among] for end in (enclosed.low, enclosed.high)
-    )
+    low, high = (np.broadcast_to(end, values.shape)[among] for end in (enclosed.low, enclosed.high))
     difference = values[among] - exact
     room = np.where(difference > 0.0, high - exact, exact - low)
     distance = np.abs(difference)

@@ -216,7 +216,7 @@ def _wrap_around(library: Compiled) -> Iterator[Records]:
 def _lost_ticks(library: Compiled) -> Iterator[Records]:
     """Readings at and beyond what is plausible after a lost tick, and after too many."""
     largest = library.controller.joints[0].max_displacement
-    change = library.controller.joints[0].max_displacement_change
+    change = library.controller.max_displacement_change(library.controller.joints[0])
     for moved in (change, -change, change + 1, -change - 1):
         record = _standstill(library)
         record["input"]["counts"] = moved
