@@ -18,6 +18,7 @@ from verification.evidence import Evidence
 from verification.experiments import CONTROLLERS
 from verification.workspace.certify import (
     LIMIT,
+    STAGES,
     Certified,
     WorkspaceError,
     certified_eigenvalues,
@@ -57,8 +58,10 @@ def run(arguments: argparse.Namespace, output: Output) -> int:
     robot = load_robot(arguments.robot, lock_wrist=arguments.lock_wrist)
     Mbar = [joint.inertia for joint in load(arguments.controller).joints]
     started = time.perf_counter()
-    with output.status("searching and checking boxes"):
-        found = certified_eigenvalues(robot, Mbar, within_ranges=arguments.within_ranges)
+    with output.bar("searching and checking boxes", STAGES) as advance:
+        found = certified_eigenvalues(
+            robot, Mbar, within_ranges=arguments.within_ranges, advance=advance
+        )
     seconds = time.perf_counter() - started
     if arguments.certificate is not None:
         _write(found.certificate, arguments.certificate)
