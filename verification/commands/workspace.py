@@ -85,6 +85,8 @@ def _figures(found: Certified, robot: str, seconds: float) -> dict[str, Any]:
         "robot": robot,
         "eigenvalues": [float(found.low), float(found.high)],
         "sampled": found.sampled,
+        "tight": found.tight,
+        "pessimism": found.pessimism,
         "holds_33": found.holds_33,
         "largest_scaling": float(found.largest_scaling),
         "boxes": found.boxes,
@@ -115,6 +117,12 @@ def _print(found: Certified, seconds: float, output: Output) -> None:
         else:
             say(f"{condition} stays open; it holds with Mbar {scaling} times as large.")
         say("[green]proved[/green]: the certificate was verified by the independent checker")
+        if not found.tight:
+            low, high = found.pessimism
+            say(
+                f"[yellow]coarser[/yellow]: the bounds are at most {low:.1%} (below) and {high:.1%} "
+                "(above) pessimistic; the true range is between them and the samples."
+            )
     for complaint in found.complaints:
         say(f"[red]NOT proved[/red]: {escape(complaint)}")
     say(f"{found.boxes} boxes, {seconds:.1f} s. {MEANING}")

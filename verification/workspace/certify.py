@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from plant.compiled.rigid_body import Joint, UnsupportedJointError, joints
 from plant.model import build_model
@@ -34,7 +33,7 @@ TIGHT = 1.01 * TOLERANCES[-1]
 """What bounds are called tight: the finest of the tolerances was reached, and then rounded."""
 STAGES = 2 * len(TOLERANCES) + 1
 """How often progress is told: of each tolerance on both sides, and of the check."""
-_WORK = 2**25
+_WORK = 2**24
 """Control matrices on each side, about half a minute; coarser bounds are given after them."""
 _FEWER = 8
 """By so much fewer with the most coordinates, whose control matrices take longer."""
@@ -101,12 +100,12 @@ def certified_eigenvalues(
     Mbar: Sequence[Fraction | float],
     *,
     within_ranges: bool = False,
-    advance: Callable[[int], None] = lambda done: None,
+    advance: Callable[[int], None] | None = None,
 ) -> Certified:
     """Finds bounds of the eigenvalues of M(q)^-1 Mbar and has them checked.
 
-    The bounds are tight where that takes less than about a minute. They are coarser, and proved just
-    as well, for an arm whose many joints all matter: see :attr:`Certified.pessimism`.
+    The bounds are tight where that takes less than about a minute. They are coarser, and proved
+    just as well, for an arm whose many joints all matter: see :attr:`Certified.pessimism`.
 
     Args:
         robot: links and motors; its friction, elasticity and encoders play no part.
@@ -136,12 +135,16 @@ def certified_eigenvalues(
     low, high = (
         np.array([2.0 * math.pi * float(r[k]) for r in ranges], dtype=np.float64) for k in (0, 1)
     )
+    tell = advance or (lambda _: None)
     inertia = Inertia(model, [float(x) for x in Mbar])
     found = sample(inertia, low, high)
-    rotors = max(Fraction(x) / Fraction(a) if a > 0 else math.inf for x, a in zip(Mbar, model.armature.tolist(), strict=True))
+    rotors = max(
+        Fraction(x) / Fraction(a) if a > 0 else math.inf
+        for x, a in zip(Mbar, model.armature.tolist(), strict=True)
+    )
     sides = {
-        "low": _side(Refinement(inertia, low, high, -1), found.low, -1, advance),
-        "high": _side(Refinement(inertia, low, high, 1), found.high, 1, advance, rotors),
+        "low": _side(Refinement(inertia, low, high, -1), found.low, -1, tell),
+        "high": _side(Refinement(inertia, low, high, 1), found.high, 1, tell, rotors),
     }
     certificate = {
         "robot": _numbers(model, chain),
@@ -150,7 +153,7 @@ def certified_eigenvalues(
         **{name: {"r": str(r), "boxes": cells} for name, (r, cells) in sides.items()},
     }
     complained = tuple(complaints(certificate))
-    advance(1)
+    tell(1)
     return Certified(
         low=sides["low"][0],
         high=sides["high"][0],
@@ -216,8 +219,8 @@ def _side(
     if reached is None:
         raise WorkspaceError(
             f"no bound within {TOLERANCES[0]:.0%} of the sampled eigenvalue {sampled:.6g} can be "
-            "certified: take smaller ranges, lock joints in the robot's file, or check that M(q) is "
-            "positive definite"
+            "certified: take smaller ranges, lock joints in the robot's file, or check that M(q) "
+            "is positive definite"
         )
     return reached
 

@@ -23,10 +23,10 @@ wrong by no more than
     t^3 / (9 sqrt 3)    (remainder of the interpolation)    and no more than 1 + 5/4, or
     t                                                       and no more than 2,
 
-and a product whose factors are wrong by a_j is wrong by no more than prod (1 + a_j) - 1. Summed over
-the magnitudes of the Fourier coefficients this bounds how far each entry of M is off: by K_ab, say.
-Then M is off by no more than the diagonal matrix of (K w)_a / w_a, with any w > 0, in the order of
-symmetric matrices: 2 |x_a x_b| <= x_a^2 w_b / w_a + x_b^2 w_a / w_b.
+and a product whose factors are wrong by a_j is wrong by no more than prod (1 + a_j) - 1. Summed,
+each times the magnitude of its Fourier coefficient, this bounds how far each entry of M is off: by
+K_ab, say. Then M is off by no more than the diagonal matrix of (K w)_a / w_a, with any w > 0, in
+the order of symmetric matrices: 2 |x_a x_b| <= x_a^2 w_b / w_a + x_b^2 w_a / w_b.
 
 A parabola is a convex combination of its three control values (its Bernstein form), and so is a
 product of them of all combinations of control values. Where r M - Mbar, or Mbar - r M, less that
@@ -63,8 +63,8 @@ _POINTS = 5
 _ROUNDING = 2.0**-28
 """More than all rounding of sums of waves, relative to the sum of the coefficients' magnitudes.
 
-A coefficient is a sum of 5 products for each of at most 6 coordinates, and so is a control value. In
-each coordinate the weights of a coefficient add up to less than 1.3, those of the two waves of a
+A coefficient is a sum of 5 products for each of at most 6 coordinates, and so is a control value.
+In each coordinate the weights of a coefficient add up to less than 1.3, those of the two waves of a
 frequency in a control value to no more than 2 * 3. All 5^6 coefficients are wrong by less than
 2^-53 * 100 * (5 * 1.3)^6 in sum, and a control value by less than 2^-53 * 100 * 6^6.
 """
@@ -246,6 +246,9 @@ class _Interval:
         ends = [a * b for a in (self.low, self.high) for b in (other.low, other.high)]
         return _outward(np.minimum.reduce(ends), np.maximum.reduce(ends))
 
+    def shaped(self, shape: Sequence[int]) -> _Interval:
+        return _Interval(self.low.reshape(shape), self.high.reshape(shape))
+
 
 def _outward(low: Doubles, high: Doubles) -> _Interval:
     return _Interval(np.nextafter(low, -np.inf), np.nextafter(high, np.inf))
@@ -399,13 +402,11 @@ class _Waves:
 def _waves(links: Sequence[_Link], coordinates: int) -> _Waves:
     circle = [Fraction(j, _POINTS) for j in range(_POINTS)]
     cosine, sine = _cosine_and_sine(circle)
-    turns = {}
+    turns: dict[int, tuple[_Interval, _Interval]] = {}
     moving = [k for k, link in enumerate(links) if link.parent >= 0]
     for c, joint in enumerate(moving):
         shape = [_POINTS if i == c else 1 for i in range(coordinates)]
-        turns[joint] = tuple(
-            _Interval(x.low.reshape(shape), x.high.reshape(shape)) for x in (cosine, sine)
-        )
+        turns[joint] = (cosine.shaped(shape), sine.shaped(shape))
     M = _inertia_matrix(links, turns)
     entries = [M[i][j] or _exactly(0.0) for i in range(len(links)) for j in range(i + 1)]
     grid = (_POINTS,) * coordinates
@@ -459,7 +460,7 @@ def _at(tensor: Doubles, factors: Sequence[Doubles]) -> Doubles:
     """
     result = tensor.reshape(1, 1, -1)
     for factor in factors:
-        boxes, rows, waves = factor.shape
+        boxes, _, waves = factor.shape
         parts = result.reshape(*result.shape[:2], waves, -1)
         result = np.matmul(factor[:, np.newaxis], parts).reshape(boxes, -1, parts.shape[-1])
     return result.reshape(len(result), -1, tensor.shape[-1])
@@ -469,18 +470,16 @@ def _at(tensor: Doubles, factors: Sequence[Doubles]) -> Doubles:
 
 
 def _rotors_suffice(links: Sequence[_Link], Mbar: Sequence[Fraction], r: Fraction) -> bool:
-    """Whether r times the rotors' inertia alone is above Mbar; that of links is never negative."""
-    for link in links:
-        I = link.inertia
-        minors = [I[i][i] for i in range(3)]
-        minors += [I[i][i] * I[j][j] - I[i][j] ** 2 for i in range(3) for j in range(i)]
-        determinant = sum(
-            I[0][i] * (I[1][(i + 1) % 3] * I[2][(i + 2) % 3] - I[1][(i + 2) % 3] * I[2][(i + 1) % 3])
-            for i in range(3)
-        )
-        if min(link.mass, *minors, determinant) < 0:
-            return False
-    return all(r * link.armature > x for link, x in zip(links, Mbar, strict=True))
+    """Whether r times the rotors' inertia alone is above Mbar: that of links only adds to it."""
+    add = all(link.mass >= 0 and _not_negative(link.inertia) for link in links)
+    return add and all(r * link.armature > x for link, x in zip(links, Mbar, strict=True))
+
+
+def _not_negative(matrix: Sequence[Sequence[Fraction]]) -> bool:
+    """Whether a symmetric matrix is positive semidefinite: no principal minor is negative."""
+    (a, d, e), (_, b, f), (_, _, c) = matrix
+    pairs = min(a * b - d * d, a * c - e * e, b * c - f * f)
+    return min(a, b, c, pairs, a * b * c + 2 * d * e * f - a * f * f - b * e * e - c * d * d) >= 0
 
 
 def _all_definite(
@@ -514,37 +513,57 @@ def _definite(
 ) -> NDArray[np.bool_]:
     """On each box; all are halved in the same coordinates."""
     n, scale = len(Mbar), float(r)
-    middles, controls, grown = [], [], []
-    for c, (low, high) in enumerate(ranges):
-        halved = boxes[0][c][1] > 0
-        width = [(high - low) / 2 ** box[c][1] for box in boxes]
-        start = [low + box[c][0] * w for box, w in zip(boxes, width, strict=True)]
-        middles.append(_basis([a + w / 2 for a, w in zip(start, width, strict=True)]))
-        ends = [_basis(start), _basis([a + w for a, w in zip(start, width, strict=True)])]
-        beyond = 2.0 * middles[c] - 0.5 * (ends[0] + ends[1])
-        controls.append(
-            np.stack([ends[0], beyond, ends[1]] if halved else [middles[c]], axis=1)
-        )
-        # Half the width in radians is pi times the width in turns, and 355/113 is above pi.
-        half = np.array([float(w * Fraction(355, 113)) for w in width])
-        t = half[:, np.newaxis] * np.arange(_FREQUENCIES)
-        # 9 sqrt 3 is above 15.5884.
-        wrong = np.minimum(t**3 / 15.5884, 2.25) if halved else np.minimum(t, 2.0)
-        grown.append(1.0 + wrong[:, np.newaxis])
+    sides = [_sides(pair, [box[c] for box in boxes]) for c, pair in enumerate(ranges)]
+    centers, controls, grown = ([side[i] for side in sides] for i in range(3))
     diagonal = np.cumsum(np.arange(1, n + 1)) - 1
     shift = np.zeros(len(inertia.noise))
     shift[diagonal] = [float(x) for x in Mbar]
 
     off = _at(inertia.sizes, grown)[:, 0] - inertia.sizes.sum(axis=tuple(range(len(ranges))))
     off = scale * (off + inertia.noise) + _ROUNDING * shift
-    center = _at(inertia.coefficients, [x[:, np.newaxis] for x in middles])[:, 0]
+    center = _at(inertia.coefficients, centers)[:, 0]
     inverse = np.linalg.inv(_full(sign * (scale * center - shift), n))
     with np.errstate(invalid="ignore"):  # A NaN passes no test below.
         w = np.sqrt(np.einsum("baa->ba", inverse))
     loss = np.einsum("bij,bj->bi", _full(off, n), w) / w
     S = sign * (scale * _at(inertia.coefficients, controls) - shift)
     S[..., diagonal] -= (1.0 + _TAKEN_OFF) * loss[:, np.newaxis]
-    return _factorizes(S, n).all(axis=1)
+    definite: NDArray[np.bool_] = np.all(_factorizes(S, n), axis=1)
+    return definite
+
+
+def _sides(
+    ends: tuple[Fraction, Fraction], parts: Sequence[tuple[int, int]]
+) -> tuple[Doubles, Doubles, Doubles]:
+    """Of boxes in one coordinate, all of them halved, or none.
+
+    Returns:
+        The five waves in the middle, shape (boxes, 1, 5), their control values, shape
+        (boxes, 3 or 1, 5), and 1 + how far waves of frequency 0, 1, 2 are off, shape (boxes, 1, 3).
+    """
+    different = {part: i for i, part in enumerate(dict.fromkeys(parts))}
+    place = [different[part] for part in parts]
+    halved = parts[0][1] > 0
+    width = [(ends[1] - ends[0]) / 2**p for _, p in different]
+    first = [ends[0] + k * w for (k, _), w in zip(different, width, strict=True)]
+    left, middle, right = (
+        _basis([a + i * w / 2 for a, w in zip(first, width, strict=True)]) for i in range(3)
+    )
+    control = [left, 2.0 * middle - 0.5 * (left + right), right] if halved else [middle]
+    # Half the width in radians is pi times the width in turns, and 355/113 is above pi.
+    half = np.array([float(w * Fraction(355, 113)) for w in width])
+    off = _wrong(half[:, np.newaxis] * np.arange(_FREQUENCIES), halved)
+    return (
+        middle[place, np.newaxis],
+        np.stack(control, axis=1)[place],
+        1.0 + off[place, np.newaxis],
+    )
+
+
+def _wrong(t: Doubles, parabola: bool) -> Doubles:
+    """How far e^(i t x), |x| <= 1, may be from its parabola, or else from its value at 0."""
+    # 9 sqrt 3 is above 15.5884.
+    return np.minimum(t**3 / 15.5884, 2.25) if parabola else np.minimum(t, 2.0)
 
 
 def _full(packed: Doubles, n: int) -> Doubles:
@@ -574,7 +593,7 @@ def _factorizes(packed: Doubles, n: int) -> NDArray[np.bool_]:
     for j in range(n):
         for k in range(j):
             L[j][j] = L[j][j] - L[j][k] * L[j][k]
-        runs &= L[j][j] > 0.0
+        runs = runs & (L[j][j] > 0.0)
         L[j][j] = np.sqrt(np.where(runs, L[j][j], 1.0))
         for i in range(j + 1, n):
             for k in range(j):

@@ -1,7 +1,7 @@
 """Looks for the range of the eigenvalues of M(q)^-1 Mbar, and for boxes on which it can be proved.
 
-All in doubles without bounds of their rounding: nothing here is a proof, and a mistake here can only
-make the checker refuse. M(q) is a CasADi expression, the composite-rigid-body algorithm of
+All in doubles without bounds of their rounding: nothing here is a proof, and a mistake here can
+only make the checker refuse. M(q) is a CasADi expression, the composite-rigid-body algorithm of
 :mod:`plant.compiled.rigid_body`, walked over arrays of numbers.
 
 With the symmetric S = Mbar^-1/2 M Mbar^-1/2 the eigenvalues of M^-1 Mbar are those of S^-1, and all
@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -48,7 +48,7 @@ _SAMPLES, _STARTS = 8000, 12
 _ROUNDS, _AROUND, _NARROWER = 40, 30, 0.75
 """Around the best samples better ones are looked for, each time in a smaller range."""
 
-_OPERATIONS = {
+_OPERATIONS: dict[int, Callable[..., Doubles]] = {
     ca.OP_ADD: np.add,
     ca.OP_SUB: np.subtract,
     ca.OP_MUL: np.multiply,
@@ -173,7 +173,10 @@ def sample(inertia: Inertia, low: Doubles, high: Doubles) -> Sampled:
             value = sign * np.linalg.eigvalsh(inertia.at(q))[..., which]
             winner = value.argmin(axis=0), np.arange(len(best))
             better = value[winner] < least
-            best, least = np.where(better[:, np.newaxis], q[winner], best), np.minimum(value[winner], least)
+            best, least = (
+                np.where(better[:, np.newaxis], q[winner], best),
+                np.minimum(value[winner], least),
+            )
             reach = reach * _NARROWER
         found.append(sign * float(least.min()))
     smallest, largest = found
@@ -237,9 +240,10 @@ class Refinement:
     def _tested(self, k: Whole, p: Whole, r: float) -> tuple[Flags, Whole] | None:
         """Which boxes pass, and by which coordinate to halve each that doesn't.
 
-        The boxes are whole in the same coordinates. None if one fails at its centre.
+        All boxes were halved in the same coordinates. None if one fails at its centre.
         """
         inertia, n, halved = self._inertia, self._inertia.joints, p[0] > 0
+        fourier = inertia.fourier
         half = 0.5 * self._range / 2.0**p
         center = self._low + (2 * k + 1) * half
         A = self._sign * (r * inertia.at(center) - np.eye(n))
@@ -248,59 +252,69 @@ class Refinement:
         except np.linalg.LinAlgError:
             return None
         inverse = np.linalg.inv(A)
+        # Errors weigh by what is left of A in each joint.
         w = np.sqrt(np.einsum("baa->ba", inverse))
 
-        theta = half[..., np.newaxis] * np.arange(_FREQUENCIES)
-        off = np.where(
-            halved[:, np.newaxis],
-            np.minimum(theta**3 / (9.0 * math.sqrt(3.0)), 2.25),
-            np.minimum(theta, 2.0),
-        )
-        sizes = inertia.fourier.sizes
-        factors = [1.0 + off[:, np.newaxis, c] for c in range(len(halved))]
-        error = r * _SLACK * (_contracted(sizes, factors)[:, 0] - sizes.sum(axis=tuple(range(len(halved)))))
+        off = _replacement_error(half, halved)
+        error = _contracted(fourier.sizes, [1.0 + x[:, np.newaxis] for x in off])[:, 0]
+        error = r * _SLACK * (error - fourier.sizes.sum(axis=tuple(range(len(halved)))))
         loss = np.einsum("bij,bj->bi", _full(error, n), w) / w
+        control = _contracted(fourier.waves, _control_waves(center, half, halved))
+        S = self._sign * r * control
+        S[..., _diagonal(n)] -= self._sign + loss[:, np.newaxis]
+        passed: Flags = np.all(_definite(S, n), axis=1)
 
-        ends = center[..., np.newaxis] + half[..., np.newaxis] * [-1.0, 0.0, 1.0]
-        factors = [
-            _CONTROL @ _basis(ends[:, c]) if halved[c] else _basis(center[:, c, np.newaxis])
-            for c in range(len(halved))
-        ]
-        S = self._sign * r * _contracted(inertia.fourier.waves, factors)
-        diagonal = np.cumsum(np.arange(n) + 1) - 1
-        S[..., diagonal] -= self._sign + loss[:, np.newaxis]
-        definite = _definite(S, n).all(axis=1)
-
-        # Halved is what costs most in the direction that is nearest to failing.
-        cost = np.empty((int((~definite).sum()), len(halved)))
-        S, inverse, w = S[~definite], inverse[~definite], w[~definite]
-        S = S.reshape(len(S), *np.where(halved, 3, 1), S.shape[-1])
-        others = tuple(range(1, len(halved)))
+        if not len(halved):
+            return (passed, p) if passed.all() else None
+        # What costs most in the direction that is nearest to failing: errors and parabolas.
+        bad = ~passed
+        S, w, inverse = S[bad], w[bad], inverse[bad]
+        cost = np.empty((len(S), len(halved)))
+        grid = S.reshape(len(S), *np.where(halved, 3, 1), S.shape[-1])
         for c in range(len(halved)):
-            alone = np.tensordot(off[~definite, c], sizes.sum(axis=tuple(i for i in range(len(halved)) if i != c)), 1)
-            cost[:, c] = r * np.einsum("bij,bi,bj->b", _full(alone, n), w, w)
+            others = tuple(i for i in range(len(halved)) if i != c)
+            alone = _full(off[c][bad] @ fourier.sizes.sum(axis=others), n)
+            cost[:, c] = r * np.einsum("bij,bi,bj->b", alone, w, w)
             if halved[c]:
-                first, middle, last = np.moveaxis(S, c + 1, 0)
-                bulge = (0.25 * (first + last) - 0.5 * middle).mean(axis=others)
+                first, middle, last = np.moveaxis(grid, c + 1, 0)
+                bulge = (0.25 * (first + last) - 0.5 * middle).mean(
+                    axis=tuple(range(1, len(halved)))
+                )
                 cost[:, c] += np.abs(np.einsum("bij,bij->b", _full(bulge, n), inverse))
-        return definite, np.eye(len(halved), dtype=np.int64)[cost.argmax(axis=1)]
+        return passed, np.eye(len(halved), dtype=np.int64)[cost.argmax(axis=1)]
+
+
+def _replacement_error(half: Doubles, halved: Flags) -> list[Doubles]:
+    """How far a wave e^(ikx) is off, on boxes of such half widths, by coordinate.
+
+    Each of shape (boxes, 3), for k = 0, 1, 2.
+    """
+    t = half[..., np.newaxis] * np.arange(_FREQUENCIES)
+    parabola = np.minimum(t**3 / (9.0 * math.sqrt(3.0)), 2.25)
+    return [parabola[:, c] if halved[c] else np.minimum(t[:, c], 2.0) for c in range(len(halved))]
+
+
+def _control_waves(center: Doubles, half: Doubles, halved: Flags) -> list[Doubles]:
+    """Control values of the five waves, by coordinate, each of shape (boxes, 3 or 1, 5)."""
+    nodes = center[..., np.newaxis] + half[..., np.newaxis] * [-1.0, 0.0, 1.0]
+    return [
+        _CONTROL @ _basis(nodes[:, c]) if halved[c] else _basis(nodes[:, c, 1:2])
+        for c in range(len(halved))
+    ]
 
 
 def _alike(rows: Flags) -> Iterator[Whole]:
     """Indices of equal rows, a few at a time."""
-    if not rows.shape[1]: 
-        yield np.arange(len(rows))
-        return
-    _, kind = np.unique(rows, axis=0, return_inverse=True)
-    kind = kind.ravel()
-    for same in range(kind.max() + 1):
-        found = np.flatnonzero(kind == same)
-        step = max(1, _AT_ONCE // _largest(rows[found[0]]))
-        yield from (found[i : i + step] for i in range(0, len(found), step))
+    kinds: dict[bytes, list[int]] = {}
+    for i, row in enumerate(rows):
+        kinds.setdefault(row.tobytes(), []).append(i)
+    for same in kinds.values():
+        step = max(1, _AT_ONCE // _largest(rows[same[0]]))
+        yield from (np.array(same[i : i + step]) for i in range(0, len(same), step))
 
 
 def _largest(halved: Flags) -> int:
-    """How many numbers an entry has in the contraction with :meth:`Refinement._tested`'s factors."""
+    """How many numbers of an entry :func:`_contracted` has at once, for one box."""
     rest = len(halved) - np.arange(len(halved) + 1)
     done = np.concatenate([[0], np.cumsum(halved)])
     return int((3**done * _POINTS**rest).max())
@@ -319,7 +333,7 @@ def _contracted(tensor: Doubles, factors: Sequence[Doubles]) -> Doubles:
     e = tensor.shape[-1]
     total = tensor.reshape(1, 1, -1)
     for factor in factors:
-        size, points, f = factor.shape
+        size, _, f = factor.shape
         total = factor[:, np.newaxis] @ total.reshape(len(total), total.shape[1], f, -1)
         total = total.reshape(size, -1, total.shape[-1])
     return total.reshape(len(total), -1, e)
@@ -333,17 +347,23 @@ def _full(packed: Doubles, n: int) -> Doubles:
     return full
 
 
+def _diagonal(n: int) -> Whole:
+    """Where it is in a lower triangle."""
+    rows, columns = np.tril_indices(n)
+    return np.flatnonzero(rows == columns)
+
+
 def _definite(packed: Doubles, n: int) -> Flags:
     """Whether all pivots of Gauss's elimination are positive."""
     entries = np.ascontiguousarray(np.moveaxis(packed, -1, 0))
-    entry = dict(zip(zip(*(x.tolist() for x in np.tril_indices(n))), entries))
+    rows = [entries[i * (i + 1) // 2 : (i + 1) * (i + 2) // 2] for i in range(n)]
     positive = np.ones(packed.shape[:-1], dtype=np.bool_)
     for k in range(n):
-        positive &= entry[k, k] > 0.0
+        positive &= rows[k][k] > 0.0
         # Of what is lost only numbers matter that do not overflow.
-        pivot = np.where(positive, entry[k, k], 1.0)
+        pivot = np.where(positive, rows[k][k], 1.0)
         for i in range(k + 1, n):
-            factor = entry[i, k] / pivot
+            factor = rows[i][k] / pivot
             for j in range(k + 1, i + 1):
-                entry[i, j] -= factor * entry[j, k]
+                rows[i][j] -= factor * rows[j][k]
     return positive
