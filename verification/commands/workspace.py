@@ -120,8 +120,8 @@ def _print(found: Certified, seconds: float, output: Output) -> None:
         if not found.tight:
             low, high = found.pessimism
             say(
-                f"[yellow]coarser[/yellow]: the bounds are at most {low:.1%} (below) and {high:.1%} "
-                "(above) pessimistic; the true range is between them and the samples."
+                f"[yellow]coarser[/yellow]: the bounds are at most {low:.1%} (below) and "
+                f"{high:.1%} (above) pessimistic; the truth is between them and the samples."
             )
     for complaint in found.complaints:
         say(f"[red]NOT proved[/red]: {escape(complaint)}")
