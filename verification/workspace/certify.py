@@ -34,8 +34,8 @@ TIGHT = 1.01 * TOLERANCES[-1]
 STAGES = 2 * len(TOLERANCES) + 1
 """How often progress is told: of each tolerance on both sides, and of the check."""
 _WORK = 2**24
-"""Control matrices on each side, about half a minute; coarser bounds are given after them."""
-_FEWER = 8
+"""Control matrices on each side, a quarter of a minute; then the bounds stay coarser."""
+_FEWER = 16
 """By so much fewer with the most coordinates, whose control matrices take longer."""
 _DIGITS = 6
 _TURN_DEG = 360
