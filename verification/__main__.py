@@ -35,6 +35,7 @@ COMMANDS = {
     "special-cases": "each special case of the law, written by itself, against the inclusive C",
     "error-dynamics": "class, settling time and certificate of the desired error dynamics",
     "energy": "the energies V (20) and Vs (57) along the closed loop of the generated C",
+    "tuning-check": "is a gain set safe, and how good is it: one page for each specification",
     "sampled-interval": "for which Mbar/M the sampled law is stable: exact, proved, checked",
     "workspace": "the eigenvalues of M(q)^-1 Mbar at every q, for condition (33): proved, checked",
     "equivalence": "the generated C against the law in double",
