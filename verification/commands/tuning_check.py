@@ -34,7 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a specification, controllers/NAME.toml; all of controllers/ with --summary",
     )
     parser.add_argument(
-        "--plant", help="a robot's name or file; without it the specification alone is looked at"
+        "--plant",
+        "--robot",
+        dest="plant",
+        help="a robot's name or file; without it the specification alone is looked at",
     )
     parser.add_argument(
         "--compute-delay",

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
@@ -15,24 +15,26 @@ from plant.flight import check_encoders
 from plant.robot import Robot
 from verification.error_bound import ErrorBound, error_bound
 from verification.error_dynamics.analysis import RESOLUTION_RAD
-from verification.tuning_check.flight import Course, Flight, JointFlown
+from verification.error_dynamics.model import ErrorDynamicsError
+from verification.tuning_check.change import mbar_factor, rounded
+from verification.tuning_check.flight import Course, Flight, JointFlown, scaled
 from verification.tuning_check.joint import Specified, Timing, specified
 from verification.tuning_check.remedy import Remedy, remedy
 from verification.tuning_check.robot import Eigenvalues, eigenvalues
 from verification.tuning_check.verdict import (
+    LEAST_MARGIN,
     Finding,
     Severity,
-    findings,
-    of_flight,
+    by_severity,
+    of_gains,
+    of_joint,
+    of_margin,
     sentence,
     worst,
 )
 
 _DIGITS = 4
 """Of a measured TDE error, rounded up."""
-
-Report = Callable[[str], object]
-"""Is told what is being done."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,7 @@ class TuningCheck:
         timing: how late torques act.
         joints: one record each.
         plant: its name; None where the specification alone was looked at.
-        flexible: whether the plant's joints are, so that the intervals of rigid ones judge nothing.
+        flexible: whether the plant's joints are; the intervals are of rigid ones.
         eigenvalues: of M^-1 Mbar; None where they are not known.
         flight: a run; None where there is none.
         remedy: what was found to cure what the run showed; None where nothing was looked for.
@@ -99,10 +101,10 @@ class TuningCheck:
         """Of the worst joint."""
         return max(joint.severity for joint in self.joints)
 
-    @property
-    def same_gains(self) -> bool:
-        """Whether all joints have the same KD, KP and lambda, as the intervals need."""
-        return len({j.specified.sampled.loop for j in self.joints}) == 1
+
+def same_gains(joints: Sequence[Specified]) -> bool:
+    """Whether all joints have the same KD, KP and lambda, as the intervals need."""
+    return len({joint.sampled.loop for joint in joints}) == 1
 
 
 def of_specification(
@@ -122,27 +124,20 @@ def of_specification(
     return TuningCheck(
         controller,
         timing,
-        tuple(JointCheck(j, None, None, findings(j, None, None, flexible=False)) for j in joints),
+        tuple(JointCheck(j, None, None, by_severity(of_gains(j, None))) for j in joints),
         gaps=(
             "no plant: neither the inertias that Mbar must suit, nor vibration, nor the TDE error",
         ),
     )
 
 
-def on_plant(
-    controller: Controller,
-    robot: Robot,
-    *,
-    compute_delay: int = 0,
-    report: Report = lambda _: None,
-) -> TuningCheck:
+def on_plant(controller: Controller, robot: Robot, *, compute_delay: int = 0) -> TuningCheck:
     """All of it, with a run on a plant.
 
     Args:
         controller: the specification.
         robot: the plant.
         compute_delay: whole samples from reading the encoders to commanding the torques, 0 or 1.
-        report: is told what is being done.
 
     Raises:
         PlantError: controller and robot don't fit, or the robot can't be held or delayed like that.
@@ -152,29 +147,58 @@ def on_plant(
         check_encoders(controller, robot)
     delay = Fraction(0) if robot.drive is None else Fraction(repr(robot.drive.delay))
     timing = Timing(compute_delay, delay)
-    report("error dynamics and intervals")
     joints = specified(controller, timing)
-    report("eigenvalues of M^-1 Mbar over the workspace")
     found = eigenvalues(robot, joints)
     inside = found if isinstance(found, Eigenvalues) else None
-    flexible = robot.flexibility is not None
-    report("flying")
     course = _course(controller, robot, compute_delay)
-    flight = course.fly(controller) if isinstance(course, Course) else None
-    checked = TuningCheck(
+    flights = _fly(controller, course, inside, joints)
+    return TuningCheck(
         controller,
         timing,
-        _joints(joints, inside, flight, flexible),
+        _joints(joints, inside, flights),
         robot.name,
-        flexible,
+        robot.flexibility is not None,
         inside,
-        flight,
-        gaps=tuple(_gaps(robot, found, course, flight)),
+        flights.own if flights else None,
+        flights.remedy if flights else None,
+        tuple(_gaps(controller, robot, found, course, flights)),
     )
-    report("looking for what to change")
-    if flight is None or not isinstance(course, Course) or is_fixed_point(controller):
-        return checked
-    return replace(checked, remedy=remedy(controller, course, flight))
+
+
+@dataclass(frozen=True)
+class _Flights:
+    """What was flown: these gains, others near, and what cures them."""
+
+    own: Flight
+    nearby: Mapping[Fraction, Flight]
+    remedy: Remedy | None
+
+
+def _fly(
+    controller: Controller,
+    course: Course | str,
+    found: Eigenvalues | None,
+    joints: Sequence[Specified],
+) -> _Flights | None:
+    if isinstance(course, str):
+        return None
+    own = course.fly(controller)
+    if is_fixed_point(controller):
+        return _Flights(own, {}, None)
+    factors = Fraction(LEAST_MARGIN), 1 / Fraction(LEAST_MARGIN)
+    nearby = {factor: course.fly(scaled(controller, factor)) for factor in factors}
+    return _Flights(own, nearby, remedy(controller, course, own, _factor(found, joints)))
+
+
+def _factor(found: Eigenvalues | None, joints: Sequence[Specified]) -> float:
+    """By what Mbar must change for all joints' intervals; 1 where it need not or can't help."""
+    if found is None:
+        return 1.0
+    factors = [
+        mbar_factor(joint.sampled, float(found.low), float(found.high), LEAST_MARGIN) or 1.0
+        for joint in joints
+    ]
+    return rounded(max(factors, key=lambda factor: abs(math.log(factor))))
 
 
 def is_fixed_point(controller: Controller) -> bool:
@@ -195,38 +219,33 @@ def _course(controller: Controller, robot: Robot, compute_delay: int) -> Course 
 
 
 def _joints(
-    joints: Sequence[Specified],
-    found: Eigenvalues | None,
-    flight: Flight | None,
-    flexible: bool,
+    joints: Sequence[Specified], found: Eigenvalues | None, flights: _Flights | None
 ) -> tuple[JointCheck, ...]:
-    ended = of_flight(flight) if flight else ()
+    same = same_gains(joints)
 
     def check(index: int, joint: Specified) -> JointCheck:
-        flown = flight.joints[index] if flight and flight.joints else None
-        return JointCheck(
-            joint,
-            flown,
-            _bound(joint, flown),
-            ended + findings(joint, found, flown, flexible=flexible),
-        )
+        against = list(of_gains(joint, found, same_gains=same))
+        if flights is None:
+            return JointCheck(joint, None, None, by_severity(against))
+        shown = tuple(of_joint(flights.own, index))
+        if worst(shown) is not Severity.UNSAFE:
+            for factor, near in flights.nearby.items():
+                against += of_margin(factor, of_joint(near, index))
+        flown = flights.own.joints[index] if flights.own.joints else None
+        return JointCheck(joint, flown, _bound(joint, flown), by_severity((*against, *shown)))
 
     return tuple(check(i, joint) for i, joint in enumerate(joints))
 
 
 def _bound(joint: Specified, flown: JointFlown | None) -> ErrorBound | None:
-    if flown is None or not flown.tde_error or joint.dynamics is None:
+    if flown is None or not flown.tde_error or flown.saturated or joint.dynamics is None:
         return None
     gains = joint.joint
-    return error_bound(
-        gains.kd,
-        gains.kp,
-        gains.alpha,
-        gains.beta,
-        gains.lambda_,
-        gains.gamma,
-        tde_error=rounded_up(flown.tde_error),
-    )
+    numbers = gains.kd, gains.kp, gains.alpha, gains.beta, gains.lambda_, gains.gamma
+    try:
+        return error_bound(*numbers, tde_error=rounded_up(flown.tde_error))
+    except ErrorDynamicsError:
+        return None
 
 
 def rounded_up(x: float) -> Fraction:
@@ -236,19 +255,33 @@ def rounded_up(x: float) -> Fraction:
 
 
 def _gaps(
-    robot: Robot, found: Eigenvalues | str, course: Course | str, flight: Flight | None
-) -> Sequence[str]:
-    gaps = [found] if isinstance(found, str) else [found.remark] if found.remark else []
+    controller: Controller,
+    robot: Robot,
+    found: Eigenvalues | str,
+    course: Course | str,
+    flights: _Flights | None,
+) -> Iterator[str]:
+    remark = found if isinstance(found, str) else found.remark
+    if remark:
+        yield remark
     if isinstance(course, str):
-        gaps.append(course)
+        yield course
     if robot.flexibility is not None:
-        gaps.append(
-            f"{robot.name} has flexible joints and the intervals are of rigid ones: they are told, "
-            "and the verdict rests on the run"
+        yield (
+            f"{robot.name} has flexible joints, the intervals are of rigid ones: outside of them "
+            "springs don't help, inside of them the run decides"
         )
     slowest = math.inf if robot.drive is None else float(np.min(robot.drive.bandwidth_Hz))
     if math.isfinite(slowest):
-        gaps.append(f"the intervals leave the drives' lag out ({slowest:g} Hz)")
-    if flight is not None and flight.no_tde_error:
-        gaps.append(f"no bound of |e|: {flight.no_tde_error}")
-    return gaps
+        yield f"the intervals leave the drives' lag out ({slowest:g} Hz)"
+    if flights is None:
+        return
+    if flights.own.no_tde_error:
+        yield f"no bound of |e|: {flights.own.no_tde_error}"
+    if any(joint.saturated for joint in flights.own.joints):
+        yield "no bound of |e| for joints that reach their torque limit: (32) does not hold there"
+    if is_fixed_point(controller):
+        yield (
+            "fixed-point C has the number formats of its own gains: no others were flown for their "
+            "margins or for what to change"
+        )

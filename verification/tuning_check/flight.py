@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -161,12 +160,7 @@ def _tde_errors(tuned: Controller, run: Run) -> tuple[Floats, Floats]:
     return np.abs(error).max(axis=0), np.abs(window_means(error)).max(axis=0)
 
 
-def scaled(controller: Controller, factors: Sequence[Fraction]) -> Controller:
-    """The controller with each joint's Mbar multiplied."""
-    return replace(
-        controller,
-        joints=tuple(
-            replace(joint, inertia=joint.inertia * factor)
-            for joint, factor in zip(controller.joints, factors, strict=True)
-        ),
-    )
+def scaled(controller: Controller, factor: Fraction) -> Controller:
+    """The controller with all joints' Mbar multiplied."""
+    joints = (replace(joint, inertia=joint.inertia * factor) for joint in controller.joints)
+    return replace(controller, joints=tuple(joints))

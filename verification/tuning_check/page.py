@@ -37,7 +37,7 @@ def render(checked: TuningCheck) -> str:
             (finding, "" if len(of) == len(names) else ", ".join(of))
             for finding, of in present.grouped(checked)
         ],
-        remedy=checked.remedy.says(names) if checked.remedy else None,
+        remedy=checked.remedy.says if checked.remedy else None,
         rows=list(present.rows(checked)),
         notes=list(present.notes(checked)),
         intervals=pictures.intervals(checked),

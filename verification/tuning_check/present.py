@@ -15,14 +15,16 @@ from verification.error_dynamics.balls import Enclosure
 from verification.error_dynamics.command import ENDS, LOOKS
 from verification.evidence import Evidence, plain
 from verification.sampled_stability.intervals import Interval, Margin
-from verification.tuning_check.check import JointCheck, TuningCheck
+from verification.tuning_check.check import JointCheck, TuningCheck, same_gains
 from verification.tuning_check.flight import JointFlown
+from verification.tuning_check.remedy import Remedy
 from verification.tuning_check.robot import Eigenvalues
 from verification.tuning_check.verdict import Finding, Severity, margin_of, sentence
 from verification.workspace.certify import LIMIT
 
 COLOURS = {Severity.SAFE: "green", Severity.RESERVATION: "yellow", Severity.UNSAFE: "red"}
 _THOUSAND = 1000
+_SCOPES = {"ultimate": "", "invariant": ", from rest"}
 _ENCLOSED, _MEASURED = "enclosed", Evidence.MEASURED.value
 MEANING = (
     "The intervals are of the linear law (alpha = beta = gamma = 1) on rigid joints with M(q) "
@@ -49,7 +51,7 @@ def figures(checked: TuningCheck) -> dict[str, Any]:
         "compute_delay": checked.timing.compute_delay,
         "torque_delay": str(checked.timing.torque_delay),
         "flexible": checked.flexible,
-        "same_gains": checked.same_gains,
+        "same_gains": _same(checked),
         "eigenvalues": found
         and {
             "low": float(found.low),
@@ -61,11 +63,7 @@ def figures(checked: TuningCheck) -> dict[str, Any]:
         "failure": checked.flight.failure if checked.flight else None,
         "joints": [_joint(joint, checked) for joint in checked.joints],
         "remedy": checked.remedy
-        and {
-            "says": checked.remedy.says([j.name for j in checked.joints]),
-            "inertia_factors": checked.remedy.factors
-            and [float(factor) for factor in checked.remedy.factors],
-        },
+        and {"says": checked.remedy.says, "changes": _changes(checked.remedy)},
         "gaps": checked.gaps,
         "meaning": " ".join(MEANING),
     }
@@ -114,9 +112,20 @@ def _joint(checked: JointCheck, whole: TuningCheck) -> dict[str, Any]:
             "error_deg": _degrees(bound.error_bound_rad),
             "error_counts": _over(bound.error_bound_rad, count),
             "reason": bound.reason,
-            "evidence": "proved, given the measured TDE error",
+            "scope": bound.error and bound.error.scope,
+            "evidence": bound.error and f"{bound.error.kind}, given the measured TDE error",
         },
     }
+
+
+def _same(checked: TuningCheck) -> bool:
+    return same_gains([joint.specified for joint in checked.joints])
+
+
+def _changes(found: Remedy) -> dict[str, list[float]] | None:
+    if found.changes is None:
+        return None
+    return {key: [float(x) for x in values] for key, values in found.changes.items()}
 
 
 def margin_of_joint(checked: JointCheck, whole: TuningCheck) -> Margin | None:
@@ -213,7 +222,7 @@ def seconds(value: Enclosure | None) -> str:
 def stable_in(intervals: Sequence[Interval]) -> str:
     """Intervals of Mbar/M in a few digits."""
     shown = (f"{float(i.low):.4g} to {float(i.high):.4g}" for i in intervals)
-    return " and ".join(shown) or "nowhere"
+    return " and ".join(shown) or "none"
 
 
 def margin_words(margin: Margin | None) -> str:
@@ -318,7 +327,8 @@ def bound_words(joint: JointCheck) -> str:
         return f"none: {bound.reason}"
     counts = float(f"{bound.error_bound_rad / joint.specified.resolution_rad:.3g}")
     shown = f"{counts:,.0f}".replace(",", " ") if counts >= _THOUSAND else f"{counts:g}"
-    return f"{math.degrees(bound.error_bound_rad):.3g} deg, {shown} counts"
+    deg = f"{math.degrees(bound.error_bound_rad):.3g} deg"
+    return f"{deg}, {shown} counts{_SCOPES[bound.error.scope] if bound.error else ''}"
 
 
 def condition_33(found: Eigenvalues) -> str:
@@ -341,8 +351,7 @@ def show(checked: TuningCheck, console: Console) -> None:
     for finding, names in grouped(checked):
         console.print(_coloured(finding, _at(names, checked)), soft_wrap=True)
     if checked.remedy is not None:
-        says = checked.remedy.says([j.name for j in checked.joints])
-        console.print(f"to change (measured): {escape(says)}", soft_wrap=True)
+        console.print(f"To change (measured): {escape(checked.remedy.says)}.", soft_wrap=True)
     colour = COLOURS[checked.severity]
     console.print(f"[bold {colour}]{escape(headline(checked))}[/]", soft_wrap=True)
 
@@ -367,7 +376,7 @@ def _tables(checked: TuningCheck) -> Iterator[Table]:
 
 def notes(checked: TuningCheck) -> Iterator[str]:
     """What the figures mean, and what is not among them."""
-    if not checked.same_gains:
+    if not _same(checked):
         yield (
             "the joints differ in KD, KP or lambda: the intervals of each are a guide and decide "
             "nothing together"
@@ -390,7 +399,7 @@ def summary(checked: TuningCheck) -> Iterator[str]:
     loudest = max(j.specified.noise.share for j in checked.joints)
     yield (
         f"  [bold]{escape(checked.controller.name)}[/bold]: {escape(', '.join(kinds))}; stable for "
-        f"Mbar/M in {', '.join(samples)}; one count is at most {loudest:.1%} of a torque limit"
+        f"Mbar/M from {', '.join(samples)}; one count is at most {loudest:.1%} of a torque limit"
     )
     for finding, names in grouped(checked):
         yield f"    {_coloured(finding, _at(names, checked))}"

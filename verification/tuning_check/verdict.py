@@ -9,7 +9,7 @@ could not be looked at is told beside it.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntEnum
 from fractions import Fraction
 
@@ -19,28 +19,21 @@ from verification.claim.flown import LOST_DEG, VIBRATING
 from verification.error_dynamics.classes import Kind
 from verification.error_dynamics.model import show
 from verification.evidence import Evidence
-from verification.sampled_stability.intervals import (
-    Interval,
-    Margin,
-    containing,
-    stable_intervals,
-)
-from verification.sampled_stability.loop import Loop
+from verification.sampled_stability.intervals import Interval, Margin, containing
+from verification.tuning_check.change import mbar_factor, shorter_sample_time, words
 from verification.tuning_check.flight import Flight, JointFlown
 from verification.tuning_check.joint import Noise, Sampled, Specified
 from verification.tuning_check.robot import Eigenvalues
 
 LEAST_MARGIN = 1.5
-"""To an end of the interval: links that are 30 % lighter than in the model (the least that
-`make autotune` trains on) raise Mbar/M by a factor of 1/0.7 = 1.43."""
+"""To an end of the interval, and flown: links that are 30 % lighter than in the model (the least
+that `make autotune` trains on) raise Mbar/M by a factor of 1/0.7 = 1.43."""
 LOUD = 0.1
 """Of the torque limit, by one count of the encoder: a tenth of the drive goes into noise."""
 DROWNED = 0.5
 """Likewise: then the torque can jump by the whole limit from one tick to the next."""
 RINGING = 0.25
 """Overshoot of a half-turn: what a linear joint with a damping ratio of 0.4 does."""
-_HALVINGS = 10
-"""So often is the sample time halved in search of a stable loop."""
 
 
 class Severity(IntEnum):
@@ -75,24 +68,41 @@ class Finding:
     evidence: Evidence | None = None
 
 
-def findings(
-    joint: Specified, eigenvalues: Eigenvalues | None, flown: JointFlown | None, *, flexible: bool
-) -> tuple[Finding, ...]:
-    """Everything against a joint's gains, the worst first.
+def of_gains(
+    joint: Specified, eigenvalues: Eigenvalues | None, *, same_gains: bool = True
+) -> Iterator[Finding]:
+    """Everything against a joint's gains that needs no run.
+
+    The eigenvalues are of rigid joints. Elasticity helps at neither end of the interval: at the
+    lower one the loop swings slowly, and springs act as if they were rigid; at the upper one the
+    loop feels less of the links than it would.
 
     Args:
         joint: as specified.
         eigenvalues: of the robot's M^-1 Mbar; None where they are not known.
-        flown: what a run showed; None without one.
-        flexible: whether the plant's joints are: the intervals are of rigid ones, and judge
-            nothing else.
+        same_gains: whether all joints have the same KD, KP and lambda; else eigenvalues outside of
+            an interval of one joint prove nothing, and only warn.
     """
-    found = (
-        *_error_dynamics(joint),
-        *_interval(joint.sampled, None if flexible else eigenvalues),
-        *_noise(joint.noise),
-        *(() if flown is None else of_run(flown)),
-    )
+    yield from _error_dynamics(joint)
+    if not joint.sampled.intervals:
+        yield Finding(
+            Severity.UNSAFE,
+            "no Mbar is stable in samples",
+            "no Mbar makes the sampled linear law stable at this sample time and delay",
+            shorter_sample_time(joint.sampled.loop),
+            Evidence.PROVED if joint.sampled.proved else None,
+        )
+    elif eigenvalues is not None and not _inside(joint.sampled.intervals, eigenvalues):
+        yield _outside(joint.sampled, eigenvalues, same_gains=same_gains)
+    else:
+        if eigenvalues is not None:
+            yield from _margins(joint.sampled, eigenvalues)
+        yield from _at_one_count(joint.sampled, eigenvalues)
+    yield from _noise(joint.noise)
+
+
+def by_severity(found: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Findings, the worst first."""
     return tuple(sorted(found, key=lambda each: -each.severity))
 
 
@@ -107,12 +117,16 @@ def sentence(severity: Severity, reasons: Sequence[str]) -> str:
     return severity.words + (separator + ", ".join(reasons) if reasons else "")
 
 
-def of_flight(flight: Flight) -> tuple[Finding, ...]:
-    """A run that did not get to its end speaks against all joints."""
-    if flight.failure is None:
-        return ()
-    says = f"the run ended early: {flight.failure}"
-    return (Finding(Severity.UNSAFE, "does not fly", says, "", Evidence.MEASURED),)
+def of_joint(flight: Flight, joint: int) -> Iterator[Finding]:
+    """What a run shows against a joint; one that did not get to its end speaks against all.
+
+    What cures it is looked for by flying again.
+    """
+    if flight.failure is not None:
+        says = f"the run ended early: {flight.failure}"
+        yield Finding(Severity.UNSAFE, "does not fly", says, "", Evidence.MEASURED)
+    else:
+        yield from _of_run(flight.joints[joint])
 
 
 # --- The rules ---------------------------------------------------------------------------------
@@ -120,7 +134,7 @@ def of_flight(flight: Flight) -> tuple[Finding, ...]:
 
 def _error_dynamics(joint: Specified) -> Iterator[Finding]:
     if joint.no_dynamics is not None:
-        what = "nothing brings the error back"
+        what = "the error is not brought to zero"
         yield Finding(Severity.UNSAFE, what, joint.no_dynamics, "write KD > 0 and KP > 0")
     if joint.dynamics is None:
         return
@@ -155,53 +169,35 @@ def _error_dynamics(joint: Specified) -> Iterator[Finding]:
         )
 
 
-def _interval(sampled: Sampled, eigenvalues: Eigenvalues | None) -> Iterator[Finding]:
-    if not sampled.intervals:
-        yield Finding(
-            Severity.UNSAFE,
-            "no Mbar is stable in samples",
-            "no Mbar makes the sampled linear law stable at this sample time and delay",
-            _stabler(sampled.loop),
-            Evidence.PROVED if sampled.proved else None,
-        )
-        return
-    if eigenvalues is None:
-        return
-    low, high = map(Fraction, eigenvalues.sampled)
-    if containing(sampled.intervals, low, high) is None:
-        yield Finding(
-            Severity.UNSAFE,
-            "unstable in samples",
-            f"M^-1 Mbar has eigenvalues from {float(low):.3g} to {float(high):.3g} in postures of "
-            f"this robot; the sampled law is stable {_where(sampled.intervals)}",
-            _into(sampled, low, high),
-            # A single posture would be a proof, but its eigenvalue was found in rounded numbers.
-            Evidence.SAMPLED,
-        )
-        return
-    yield from _margins(sampled, eigenvalues)
-    if containing(sampled.at_one_count, low, high) is None:
-        stable = _where(sampled.at_one_count)
-        yield Finding(
-            Severity.RESERVATION,
-            "may chatter",
-            "where errors are of one count the law is as steep as a linear one that is stable "
-            f"{stable}, not at all eigenvalues of M^-1 Mbar, {float(low):.3g} to {float(high):.3g} "
-            "(rule of thumb)",
-            "raise alpha, beta or gamma, lower Mbar or lambda, or take a finer encoder",
-        )
+def _inside(intervals: Sequence[Interval], eigenvalues: Eigenvalues) -> bool:
+    """Whether all that were found are in one interval."""
+    return containing(intervals, *map(Fraction, eigenvalues.sampled)) is not None
+
+
+def _outside(sampled: Sampled, eigenvalues: Eigenvalues, *, same_gains: bool) -> Finding:
+    low, high = eigenvalues.sampled
+    return Finding(
+        Severity.UNSAFE if same_gains else Severity.RESERVATION,
+        "unstable in samples" if same_gains else "maybe unstable in samples",
+        f"M^-1 Mbar has eigenvalues from {low:.3g} to {high:.3g} in postures of this robot; "
+        f"the sampled law is stable in {_ranges(sampled.intervals)}",
+        words(mbar_factor(sampled, low, high, LEAST_MARGIN)),
+        # A single posture would be a proof, but its eigenvalue was found in rounded numbers.
+        Evidence.SAMPLED,
+    )
 
 
 def _margins(sampled: Sampled, eigenvalues: Eigenvalues) -> Iterator[Finding]:
-    """Of eigenvalues whose samples are inside."""
     margin = margin_of(sampled, eigenvalues)
+    bounds = float(eigenvalues.low), float(eigenvalues.high)
+    fix = words(mbar_factor(sampled, *bounds, LEAST_MARGIN))
     if margin is None:
         yield Finding(
             Severity.RESERVATION,
             "not proved in every posture",
             "the certified bounds of the eigenvalues cross an end of the stable interval, all "
             "samples are inside",
-            _into(sampled, eigenvalues.low, eigenvalues.high),
+            fix,
         )
         return
     room = {"upper": float(margin.up), "lower": 1.0 / float(margin.down)}
@@ -212,8 +208,21 @@ def _margins(sampled: Sampled, eigenvalues: Eigenvalues) -> Iterator[Finding]:
             "near an end of the stable interval",
             f"only a factor of {room[end]:.3g} to the {end} end of the stable interval, less than "
             f"{LEAST_MARGIN:g}",
-            _into(sampled, eigenvalues.low, eigenvalues.high),
+            fix,
             eigenvalues.evidence,
+        )
+
+
+def _at_one_count(sampled: Sampled, eigenvalues: Eigenvalues | None) -> Iterator[Finding]:
+    stable = sampled.at_one_count
+    if not stable or (eigenvalues is not None and not _inside(stable, eigenvalues)):
+        where = f"Mbar/M in {_ranges(stable)} only" if stable else "no Mbar"
+        yield Finding(
+            Severity.RESERVATION,
+            "may chatter",
+            "where errors are of one encoder count the law is as steep as a linear one that is "
+            f"stable for {where} (rule of thumb)",
+            "raise alpha, beta or gamma, lower Mbar or lambda, or take a finer encoder",
         )
 
 
@@ -235,9 +244,7 @@ def _noise(noise: Noise) -> Iterator[Finding]:
         )
 
 
-def of_run(flown: JointFlown) -> Iterator[Finding]:
-    """What a run shows against a joint; what cures it is looked for by flying again."""
-
+def _of_run(flown: JointFlown) -> Iterator[Finding]:
     def measured(severity: Severity, what: str, says: str) -> Finding:
         return Finding(severity, what, says, "", Evidence.MEASURED)
 
@@ -258,43 +265,19 @@ def of_run(flown: JointFlown) -> Iterator[Finding]:
         yield measured(Severity.RESERVATION, "vibrates", says)
 
 
-# --- What to change ----------------------------------------------------------------------------
+def of_margin(factor: Fraction, flown: Iterable[Finding]) -> Iterator[Finding]:
+    """What a run with another Mbar shows against a joint, whose own run is not unsafe.
+
+    Args:
+        factor: by which Mbar was multiplied.
+        flown: what that run showed.
+    """
+    unsafe = dict.fromkeys(f.what for f in flown if f.severity is Severity.UNSAFE)
+    if unsafe:
+        says = f"with Mbar times {float(factor):.2g} a run is unsafe: {', '.join(unsafe)}"
+        what = "near too large an Mbar" if factor > 1 else "near too small an Mbar"
+        yield Finding(Severity.RESERVATION, what, says, "", Evidence.MEASURED)
 
 
-def _where(intervals: Sequence[Interval]) -> str:
-    ranges = (f"({float(i.low):.4g}, {float(i.high):.4g})" for i in intervals)
-    return "in " + " and ".join(ranges) if intervals else "nowhere"
-
-
-def _into(sampled: Sampled, low: Fraction, high: Fraction) -> str:
-    """By what to multiply Mbar so that both margins hold, or the same, as large as they can be."""
-    interval = max(sampled.intervals, key=lambda i: float(i.high) - float(i.low))
-    least, most = float(interval.low) / float(low), float(interval.high) / float(high)
-    if least >= most:
-        return (
-            "no factor of Mbar brings all postures inside: lower KP/KD and lambda, or shorten the "
-            "sample time"
-        )
-    roomy = LEAST_MARGIN * least, most / LEAST_MARGIN
-    if roomy[0] > roomy[1]:
-        return f"multiply Mbar by {(least * most) ** 0.5:.2g}, in the middle of the interval"
-    if roomy[1] < 1.0:
-        return f"multiply Mbar by at most {_down(roomy[1])}"
-    return f"multiply Mbar by at least {roomy[0]:.3g}"
-
-
-def _down(x: float) -> str:
-    return f"{int(100 * x) / 100:.2f}" if x >= 0.1 else f"{x:.2g}"
-
-
-def _stabler(loop: Loop) -> str:
-    """The longest of the halved sample times for which there is a stable Mbar."""
-    for halvings in range(1, _HALVINGS + 1):
-        sample_time = loop.sample_time_s / 2**halvings
-        shorter = replace(loop, sample_time_s=sample_time)
-        if stable_intervals(shorter):
-            return (
-                f"shorten the sample time to {1e3 * float(sample_time):.3g} ms, or lower KD, KP "
-                "and lambda"
-            )
-    return "give KD > 0 and KP > 0; lower lambda"
+def _ranges(intervals: Sequence[Interval]) -> str:
+    return " and ".join(f"({float(i.low):.4g}, {float(i.high):.4g})" for i in intervals)
