@@ -34,6 +34,7 @@ COMMANDS = {
     "experiments": "Table II and more, flown on the reference plant",
     "special-cases": "each special case of the law, written by itself, against the inclusive C",
     "error-dynamics": "class, settling time and certificate of the desired error dynamics",
+    "error-bound": "how large s and e can be while the TDE error is bounded: proved, checked",
     "energy": "the energies V (20) and Vs (57) along the closed loop of the generated C",
     "tuning-check": "is a gain set safe, and how good is it: one page for each specification",
     "sampled-interval": "for which Mbar/M the sampled law is stable: exact, proved, checked",

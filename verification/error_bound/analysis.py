@@ -71,7 +71,8 @@ class ErrorBound:
         lambda_: gain of the correction.
         gamma: its exponent.
         tde_error: xi, bound of |eps| in rad/s^2.
-        sliding_bound_rad_per_s: of |s| (38), from s(0) = 0 on, rounded up; None where none is known.
+        sliding_bound_rad_per_s: of |s| (38), from s(0) = 0 on, rounded up; None where
+            none is known.
         sliding_kind: "proved" where the certificate was verified, else "hand proof".
         by_sliding: bound of |e| from that of |s|.
         by_sliding_rate: bound of |e| from |sdot| <= 2 xi, of the loop with correction.
@@ -219,9 +220,7 @@ def _bound(p: Parameters, lambda_: Fraction, gamma: Fraction, xi: Fraction) -> E
         _collect(parts, missing, "sliding", lambda: sliding(xi, lambda_, gamma))
         if "sliding" in parts:
             largest = Fraction(parts["sliding"]["at_most"])
-            _collect(
-                parts, missing, "by_sliding", lambda: bound_of_e(p, largest, of_velocity=True)
-            )
+            _collect(parts, missing, "by_sliding", lambda: bound_of_e(p, largest, of_velocity=True))
         else:
             missing["by_sliding"] = "there is no bound of |s|"
     if xi == 0:
@@ -258,9 +257,7 @@ def _bound(p: Parameters, lambda_: Fraction, gamma: Fraction, xi: Fraction) -> E
     )
 
 
-def _collect(
-    parts: dict[str, Any], missing: dict[str, str], name: str, make: Any
-) -> None:
+def _collect(parts: dict[str, Any], missing: dict[str, str], name: str, make: Any) -> None:
     try:
         parts[name] = make()
     except NotProvedError as error:

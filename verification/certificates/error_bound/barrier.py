@@ -11,7 +11,7 @@ Nothing here is a proof: what the corners are worth is for the checker to say.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -21,23 +21,44 @@ from numpy.typing import NDArray
 Floats: TypeAlias = NDArray[np.float64]
 Point: TypeAlias = tuple[float, float]
 
-_ANGLES = 201
-"""Disturbances of the velocity that are tried in each place."""
+_SPREAD = np.linspace(-1.0, 1.0, 101)
+"""Disturbances of the velocity that are tried in each place, in units of the largest."""
+_ENDS = np.array([-1.0, 1.0])
+"""Those of the acceleration."""
 _SLACK = 0.25
 """Share of the outward turn that must be left at an edge's end and inside it."""
-_PLACES = (0.2, 0.4, 0.6, 0.8, 1.0)
+_PLACES = np.array([0.2, 0.4, 0.6, 0.8, 1.0])
 """Where along an edge that is looked at."""
-_SHORTEST = 1e-7
+_HERE = np.zeros(1)
+_PLACES_AND_START = np.array([0.0, *_PLACES])
+_SHORTEST = 1e-4
 _FINE = 1e-3
 _LONGEST = 0.2
 """Edges, in units of the curve's own size."""
+_TURNS = (1.0, 4.0, 16.0, 64.0, 256.0, 700.0)
+"""That are tried, in the smallest."""
+_DETOUR = 4e-3
 _LOW = 0.005
 _LEANS = (0.03, 0.1, 0.3, 1.0, 3.0)
-_MOST_EDGES = 4000
-_DOUBLINGS = 60
-_CLOSE = 2e-3
+_MOST_EDGES = 2000
+"""Of one march."""
+_MOST_IN_ALL = 8000
+_WIDEST = 0.02
+"""How much the curve may be larger than where it arrives, relative: else it is no bound to give."""
+_DOUBLINGS = 16
+_RESCALINGS = 2
+_REFINEMENTS = 20
+_CLOSE = 5e-4
 """How much closer in than its beginning the curve may end, relative, to be taken."""
-_REFINEMENTS = 40
+_DARING = 0.98
+_BACK = 0.3
+"""Share of the way from what does not close, where the meeting is beyond it."""
+_STEEPEST = 0.995
+_MOST_LEAN = 10.0
+"""The last edge is at least so much longer than it is leant."""
+
+
+_TOO = "the damping is too weak, or too strong, for a curve of few edges"
 
 
 class NoBarrierError(Exception):
@@ -64,16 +85,14 @@ class Disturbed:
     size: float
     of_velocity: bool
 
-    def velocities(self, e: float, w: float) -> Floats:
-        """All that (e', w') can be, sampled, of shape (n, 2)."""
+    def velocities(self, e: Floats, w: Floats) -> tuple[Floats, Floats]:
+        """All that e' and w' can be in n places, sampled, each of shape (n, disturbances)."""
+        spring = self.KP * _sig(e, self.beta)[:, None]
         if self.of_velocity:
-            v = w + self.size * np.linspace(-1.0, 1.0, _ANGLES)
-            d = 0.0
-        else:
-            v = np.array([w, w])
-            d = self.size * np.array([-1.0, 1.0])
-        rate = -self.KD * _sig(v, self.alpha) - self.KP * math.copysign(abs(e) ** self.beta, e) + d
-        return np.column_stack([v, rate])
+            v = w[:, None] + self.size * _SPREAD
+            return v, -self.KD * _sig(v, self.alpha) - spring
+        rate = -self.KD * _sig(w, self.alpha)[:, None] - spring + self.size * _ENDS
+        return np.broadcast_to(w[:, None], rate.shape), rate
 
 
 def _sig(x: Floats, exponent: float) -> Floats:
@@ -89,19 +108,29 @@ class March:
         scale: units of e and w.
         turn: outwards, of each edge, in rad.
         bend: how far an edge may deviate from the outermost direction in the end, in rad.
+        edges: ends where enough have been marched.
     """
 
     system: Disturbed
     scale: Point
     turn: float
     bend: float
+    edges: Iterator[int]
 
-    def outermost(self, place: Point, direction: Point) -> float:
-        """The angle from a direction, outwards, of the outermost possible motion."""
-        found = self.system.velocities(place[0] * self.scale[0], place[1] * self.scale[1])
-        x, y = found[:, 0] / self.scale[0], found[:, 1] / self.scale[1]
+    def outermost(self, place: Point, direction: Point, along: Floats) -> Floats:
+        """The angles from a direction, outwards, of the outermost possible motions.
+
+        Args:
+            place: where they are looked at,
+            direction: and from there in this direction,
+            along: this far, of shape (n,).
+        """
         dx, dy = direction
-        return float(np.max(np.arctan2(dx * y - dy * x, dx * x + dy * y)))
+        e, w = (self.scale[k] * (place[k] + along * direction[k]) for k in (0, 1))
+        x, y = self.system.velocities(e, w)
+        x, y = x / self.scale[0], y / self.scale[1]
+        angles: Floats = np.max(np.arctan2(dx * y - dy * x, dx * x + dy * y), axis=1)
+        return angles
 
     def run(self, start: float) -> list[Point]:
         """The corners from (-start, 0) to an end on the axis.
@@ -111,12 +140,11 @@ class March:
         """
         place, direction = (-start, 0.0), (0.0, 1.0)
         corners, length = [place], 0.05
-        while len(corners) < _MOST_EDGES:
-            ahead = self.outermost(place, direction)
+        while len(corners) < _MOST_EDGES and next(self.edges, None) is not None:
+            ahead = float(self.outermost(place, direction, _HERE)[0])
             if abs(ahead) > math.pi / 2:
                 raise NoBarrierError("a disturbance moves the error any way")
-            direction = _turned(direction, ahead + self.turn)
-            length = self._length(place, direction, min(2 * length, _LONGEST))
+            direction, length = self._edge(place, _turned(direction, ahead), 2 * length)
             after = _along(place, direction, length)
             if after[1] <= 0:
                 if after[0] <= 0:
@@ -128,7 +156,7 @@ class March:
             end = self._end(place)
             if end is not None:
                 return [*corners, end]
-        raise NoBarrierError("the damping is too weak for a curve of few edges")
+        raise NoBarrierError(_TOO)
 
     def _end(self, place: Point) -> Point | None:
         """Where an edge to the axis may end, close to it; a node would be approached for ever."""
@@ -136,20 +164,27 @@ class March:
             for lean in _LEANS:
                 size = math.hypot(lean, 1.0)
                 direction, length = (lean / size, -1 / size), size * place[1]
-                places = (_along(place, direction, length * p) for p in (0.0, *_PLACES))
-                if max(self.outermost(p, direction) for p in places) <= -_SLACK * self.turn:
+                angles = self.outermost(place, direction, length * _PLACES_AND_START)
+                if np.max(angles) <= -_SLACK * self.turn:
                     return place[0] + lean * place[1], 0.0
         return None
 
-    def _length(self, place: Point, direction: Point, length: float) -> float:
-        """The longest edge tried that all motions cross inwards and that does not go astray."""
-        while length > _SHORTEST:
-            angles = [self.outermost(_along(place, direction, length * p), direction) for p in _PLACES]
-            bent = angles[-1] < -self.bend - self.turn and length > _FINE
-            if max(angles) <= -_SLACK * self.turn and not bent:
-                return length
-            length /= 2
-        raise NoBarrierError(f"the motion turns too fast {place} {direction} {angles}")
+    def _edge(self, place: Point, outermost: Point, longest: float) -> tuple[Point, float]:
+        """Direction and length of an edge that all motions cross inwards.
+
+        Close to where a disturbance holds the error still, it takes a larger turn.
+        """
+        for times in _TURNS:
+            turn = times * self.turn
+            direction = _turned(outermost, turn)
+            length = min(longest, _LONGEST if times == 1.0 else _DETOUR)
+            while length > _SHORTEST:
+                angles = self.outermost(place, direction, length * _PLACES)
+                bent = angles[-1] < -self.bend - turn and length > _FINE
+                if np.max(angles) <= -_SLACK * self.turn and not bent:
+                    return direction, length
+                length /= 2
+        raise NoBarrierError("the disturbed motion turns too fast")
 
 
 def _turned(direction: Point, angle: float) -> Point:
@@ -174,52 +209,90 @@ def barrier(system: Disturbed, turn: float, bend: float) -> list[Point]:
     Raises:
         NoBarrierError: none is found.
     """
-    size = _first_size(system)
-    scale = size
-    outside: list[Point] | None = None
-    inside = 0.0
-    start = 1.0
-    for _ in range(_DOUBLINGS):
-        try:
-            corners = March(system, scale, turn, bend).run(start)
-        except NoBarrierError:
-            corners = []
-        if corners and corners[-1][0] < start:
-            break
-        start *= 2.0
-    else:
-        raise NoBarrierError("no curve closes: the damping is too weak against the disturbance")
-    # From here on in numbers of the system's own units: each march has another scale.
-    low, high = inside, start * scale[0]
-    best = _own(corners, scale)
-    end = best[-1][0]
-    for _ in range(_REFINEMENTS):
-        if end >= (1 - _CLOSE) * high or high - low < _CLOSE * high:
-            break
-        # The end of one march is where the next would begin; where that is too close in, half way.
-        trial = max(end, low + 0.1 * (high - low)) if low < end else (low + high) / 2
-        trial *= 1 + _CLOSE / 4
-        if not low < trial < high:
-            trial = (low + high) / 2
-        scale = max(-min(p[0] for p in best), max(p[0] for p in best)), max(p[1] for p in best)
-        try:
-            corners = _own(March(system, scale, turn, bend).run(trial / scale[0]), scale)
-        except NoBarrierError:
-            corners = []
-        if corners and corners[-1][0] < trial:
-            best, high, end = corners, trial, corners[-1][0]
-        else:
-            low = trial
-    return [*best[:-1], (high, 0.0)]
+    edges = iter(range(_MOST_IN_ALL))
+    curve = _first(system, turn, bend, edges)
+    # With one scale at a time, that of the curve: another one would be another march.
+    for _ in range(_RESCALINGS):
+        curve = _closest(March(system, curve.size, turn, bend, edges), curve)
+    if curve.gap > _WIDEST:
+        raise NoBarrierError(_TOO)
+    return curve.closed()
 
 
-def _own(corners: Sequence[Point], scale: Point) -> list[Point]:
-    return [(scale[0] * e, scale[1] * w) for e, w in corners]
+@dataclass(frozen=True)
+class _Curve:
+    """A march that arrives no farther out than it began."""
+
+    corners: tuple[Point, ...]
+
+    @property
+    def start(self) -> float:
+        return -self.corners[0][0]
+
+    @property
+    def end(self) -> float:
+        return self.corners[-1][0]
+
+    @property
+    def gap(self) -> float:
+        """How much farther out it began, relative."""
+        return 1 - self.end / self.start
+
+    @property
+    def size(self) -> Point:
+        return max(abs(e) for e, _ in self.corners), max(w for _, w in self.corners)
+
+    def closed(self) -> list[Point]:
+        """The corners with the last edge leant outwards to where the mirror image begins."""
+        low = _MOST_LEAN * self.gap * self.size[1]
+        kept = [corner for corner in self.corners[1:-1] if corner[0] < 0 or corner[1] > low]
+        return [self.corners[0], *kept, (self.start, 0.0)]
 
 
-def _first_size(system: Disturbed) -> Point:
-    """About how large the curve is."""
+def _try(march: March, start: float) -> _Curve | None:
+    """The curve from a start in the system's own units, if it arrives no farther out."""
+    size_e, size_w = march.scale
+    try:
+        corners = march.run(start / size_e)
+    except NoBarrierError:
+        return None
+    curve = _Curve(tuple((size_e * e, size_w * w) for e, w in corners))
+    return curve if curve.end < curve.start else None
+
+
+def _first(system: Disturbed, turn: float, bend: float, edges: Iterator[int]) -> _Curve:
+    """A curve that is far out, or not so far."""
     push = system.KD * system.size**system.alpha if system.of_velocity else system.size
     e = (push / system.KP) ** (1 / system.beta)
-    w = math.sqrt(2 * system.KP * e ** (system.beta + 1) / (system.beta + 1))
-    return e, max(w, system.size) if system.of_velocity else w
+    for _ in range(_DOUBLINGS):
+        spring = system.KP * e**system.beta
+        free = math.sqrt(2 * spring * e / (system.beta + 1))
+        w = min(free, (spring / system.KD) ** (1 / system.alpha))
+        if system.of_velocity:
+            w = max(w, system.size)
+        curve = _try(March(system, (e, w), turn, bend, edges), e)
+        if curve is not None:
+            return curve
+        e *= 2.0
+    raise NoBarrierError(_TOO)
+
+
+def _closest(march: March, found: _Curve) -> _Curve:
+    """The smallest curve that closes, nearly: where the next would begin a march has its end."""
+    low, slope = 0.0, 0.0
+    best = _try(march, found.start) or _try(march, 1.01 * found.start)
+    if best is None:
+        return found
+    for _ in range(_REFINEMENTS):
+        if best.gap < _CLOSE or best.start - low < _CLOSE * best.start:
+            break
+        # Where start and end would meet if the end moved as it last did.
+        step = _DARING * (best.start - best.end) / (1 - slope)
+        start = max(best.start - step, low + _BACK * (best.start - low))
+        curve = _try(march, start)
+        if curve is None:
+            low = start
+        else:
+            slope = min(max((best.end - curve.end) / (best.start - start), 0.0), _STEEPEST)
+            best = curve
+    return best

@@ -36,7 +36,7 @@ import json
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from fractions import Fraction
 from pathlib import Path
@@ -87,27 +87,23 @@ def _complaints(certificate: Any, gains: Mapping[str, Fraction]) -> Iterator[str
         if _rational(certificate[name]) != gains[name]:
             yield f"it is of another {name}"
             return
-    if min(gains[name] for name in ("KD", "KP", "alpha", "beta", "tde_error")) <= 0:
-        yield "a gain, an exponent or the TDE error is not positive"
+    if min(gains["KD"], gains["KP"], gains["tde_error"]) <= 0:
+        yield "a gain or the TDE error is not positive"
         return
-    sliding = None
+    # Of s and of s'; |s'| <= xi + lambda |s|^gamma, in which the bound of s puts 2 xi.
+    largest = {"uncorrected": gains["tde_error"]}
     if "sliding" in claims:
         yield from _sliding(certificate["sliding"], gains)
-        sliding = _rational(certificate["sliding"]["at_most"])
+        largest["by_sliding"] = _rational(certificate["sliding"]["at_most"])
+        largest["by_sliding_rate"] = 2 * gains["tde_error"]
     for name in _BARRIERS:
         if name not in claims:
             continue
-        if name != "uncorrected" and sliding is None:
+        if name not in largest:
             yield f"{name}: no bound of s"
             return
-        # |s'| <= xi + lambda |s|^gamma, in which the bound of s puts 2 xi.
-        disturbance = {
-            "by_sliding": sliding,
-            "by_sliding_rate": 2 * gains["tde_error"],
-            "uncorrected": gains["tde_error"],
-        }[name]
-        for complaint in _barrier(certificate[name], gains, disturbance, name == "by_sliding"):
-            yield f"{name}: {complaint}"
+        found = _barrier(certificate[name], gains, largest[name], name == "by_sliding")
+        yield from (f"{name}: {complaint}" for complaint in found)
 
 
 def _rational(text: Any) -> Fraction:
@@ -146,8 +142,8 @@ def _is_less(value: Fraction, base: Fraction, exponent: Fraction) -> bool:
     p, q = exponent.numerator, exponent.denominator
     if max(p, q) > _LARGEST_EXPONENT:
         raise ValueError(f"the exponent {exponent} has too many digits for exact powers")
-    left = value.numerator**q * base.denominator**p
-    right = value.denominator**q * base.numerator**p
+    left: int = value.numerator**q * base.denominator**p
+    right: int = value.denominator**q * base.numerator**p
     return left < right
 
 
@@ -165,6 +161,9 @@ def _barrier(
         yield "a key is missing, or there is one too many"
         return
     alpha, beta = gains["alpha"], gains["beta"]
+    if alpha <= 0 or beta <= 0:
+        yield "an exponent is not positive, and the error dynamics jumps"
+        return
     own, bound = _rational(claimed["disturbance"]), _rational(claimed["bound"])
     homogeneous = alpha < 2 and beta * (2 - alpha) == alpha
     if claimed["claim"] != _CLAIMS[0 if homogeneous else 1]:
@@ -195,10 +194,9 @@ def _barrier(
     elif bound != reach:
         yield "the bound of |e| is not the barrier's"
     field = _Field(gains["KD"], gains["KP"], alpha, beta, own, of_velocity)
-    for start, end in itertools.pairwise(corners):
-        if not field.enters(start, end):
-            yield f"motions may leave between e = {float(start[0])} and {float(end[0])}"
-            return
+    leak = _leak(field, tuple(corners))
+    if leak:
+        yield leak
 
 
 def _crooked(corners: Sequence[_Point], weight: Fraction) -> str | None:
@@ -212,6 +210,15 @@ def _crooked(corners: Sequence[_Point], weight: Fraction) -> str | None:
         across, up = w - x, f - e
         if not all(across * weight * p + up * q > 0 for p, q in ((e, w), (f, x))):
             return "the curve does not go round the origin"
+    return None
+
+
+@functools.lru_cache(maxsize=64)
+def _leak(field: _Field, corners: tuple[_Point, ...]) -> str | None:
+    """Where a motion may leave; barriers of several claims are the same."""
+    for start, end in itertools.pairwise(corners):
+        if not field.enters(start, end):
+            return f"motions may leave between e = {float(start[0])} and {float(end[0])}"
     return None
 
 
@@ -238,31 +245,53 @@ class _Field:
         for _ in range(_MOST_BOXES):
             if not waiting:
                 return True
-            outwards, split_edge = self._outwards(start, end, waiting[-1])
-            box = waiting.pop()
-            if outwards >= 0:
-                waiting += box.halves(split_edge)
+            waiting += self._open(start, end, waiting.pop())
         return False
 
-    def _outwards(self, start: _Point, end: _Point, box: _Box) -> tuple[Fraction, bool]:
-        """An upper bound of the outward rate in a box; whether it is loose for the edge's sake."""
+    def _open(self, start: _Point, end: _Point, box: _Box) -> tuple[_Box, ...]:
+        """What is left of a box to look at: nothing where all motions go inwards."""
         (e, w), (f, x) = start, end
-        across, up = w - x, f - e
+        up, across = f - e, w - x
         e_low, e_high = sorted((e + box.low * up, e + box.high * up))
         w_low, w_high = sorted((w - box.low * across, w - box.high * across))
-        push = Fraction(0) if self.of_velocity else abs(up) * self.size
-        v_low, v_high = w_low, w_high
-        if self.of_velocity:
-            v_low, v_high = w_low + self.size * box.least, w_high + self.size * box.most
+        size = self.size if self.of_velocity else 0
+        v_low, v_high = w_low + size * box.least, w_high + size * box.most
         damping, spring = -up * self.KD, -up * self.KP
-        moved, slack_moved = _most(across, (v_low, v_low), (v_high, v_high))
-        damped, slack_damped = _most(damping, _sig(v_low, self.alpha), _sig(v_high, self.alpha))
-        sprung, slack_sprung = _most(spring, _sig(e_low, self.beta), _sig(e_high, self.beta))
-        width = v_high - v_low
-        by_edge = (w_high - w_low) / width if self.of_velocity and width else Fraction(1)
-        by_velocity = slack_moved + slack_damped
-        loose = slack_sprung + by_velocity * by_edge >= by_velocity * (1 - by_edge)
-        return moved + damped + sprung + push, loose
+        # The outward rate is across v + damping sig(v)^alpha + spring sig(e)^beta + push.
+        push = abs(up) * (self.size - size)
+        moved, spread = _most(across, (v_low, v_low), (v_high, v_high))
+        damped, spread_damped = _most(damping, _sig(v_low, self.alpha), _sig(v_high, self.alpha))
+        sprung, spread_sprung = _most(spring, _sig(e_low, self.beta), _sig(e_high, self.beta))
+        if moved + damped + sprung + push < 0:
+            return ()
+        if not size or box.least == box.most:
+            return box.halves_of_edge()
+        rises = self._rises(across, damping, v_low, v_high)
+        if rises is not None:
+            # In each place the disturbance at one end of the box is the worst.
+            return (box.at(box.most if rises else box.least),)
+        spread += spread_damped
+        by_edge = spread * (w_high - w_low) / (v_high - v_low)
+        if spread_sprung + by_edge >= spread - by_edge:
+            return box.halves_of_edge()
+        return box.halves_of_disturbances()
+
+    def _rises(
+        self, across: Fraction, damping: Fraction, low: Fraction, high: Fraction
+    ) -> bool | None:
+        """Whether across v + damping sig(v)^alpha rises with v, or falls; None if not known."""
+        if across * damping >= 0:
+            return across + damping > 0
+        if low < 0 < high:
+            return None
+        # The slope is across + alpha damping |v|^(alpha - 1).
+        nearer, farther = sorted((abs(low), abs(high)))
+        if nearer == 0 and self.alpha < 1:
+            return None
+        steps = [_sig(v, abs(self.alpha - 1)) for v in (nearer, farther)]
+        powers = [p if self.alpha >= 1 else 1 / p for step in steps for p in step]
+        slopes = [across + self.alpha * damping * p for p in (min(powers), max(powers))]
+        return slopes[0] > 0 if slopes[0] * slopes[1] > 0 else None
 
 
 @dataclass(frozen=True)
@@ -274,18 +303,17 @@ class _Box:
     least: Fraction
     most: Fraction
 
-    def halves(self, of_edge: bool) -> tuple[_Box, _Box]:
-        if of_edge:
-            middle = (self.low + self.high) / 2
-            return (
-                _Box(self.low, middle, self.least, self.most),
-                _Box(middle, self.high, self.least, self.most),
-            )
+    def halves_of_edge(self) -> tuple[_Box, _Box]:
+        middle = (self.low + self.high) / 2
+        return replace(self, high=middle), replace(self, low=middle)
+
+    def halves_of_disturbances(self) -> tuple[_Box, _Box]:
         middle = (self.least + self.most) / 2
-        return (
-            _Box(self.low, self.high, self.least, middle),
-            _Box(self.low, self.high, middle, self.most),
-        )
+        return replace(self, most=middle), replace(self, least=middle)
+
+    def at(self, disturbance: Fraction) -> _Box:
+        """The box of one disturbance alone."""
+        return replace(self, least=disturbance, most=disturbance)
 
 
 def _most(factor: Fraction, low: _Point, high: _Point) -> tuple[Fraction, Fraction]:
@@ -301,7 +329,7 @@ def _sig(x: Fraction, exponent: Fraction) -> _Point:
         low, high = _sig(-x, exponent)
         return -high, -low
     if x == 0:
-        return Fraction(0), Fraction(0)
+        return Fraction(exponent == 0), Fraction(exponent == 0)
     top, bottom = Decimal(x.numerator), Decimal(x.denominator)
     return (
         Fraction(_power(_DOWN, _DOWN.divide(top, bottom), exponent)),

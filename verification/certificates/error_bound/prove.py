@@ -26,7 +26,7 @@ FORMAT = "error-bound-1"
 _DIGITS = 9
 """Of a corner, of the largest one's."""
 _BOUND_DIGITS = 12
-_TURNS = (0.006, 0.002, 0.0006)
+_TURNS = (0.003, 0.0007)
 """Of a barrier's edges outwards, in rad: the weaker the damping, the less it can be."""
 _BEND = 5.0
 """Of an edge against the outermost motion, in turns."""
@@ -105,9 +105,12 @@ def bound_of_e(
 @functools.lru_cache(maxsize=256)
 def _barrier(p: Parameters, disturbance: Fraction, of_velocity: bool) -> Barrier:
     if p.alpha == 0 or p.beta == 0:
-        raise NotProvedError("alpha or beta is 0: the error dynamics jumps, and has no barrier here")
-    numbers = (float(x) for x in (p.KD, p.KP, p.alpha, p.beta, disturbance))
-    system = Disturbed(*numbers, of_velocity)
+        raise NotProvedError(
+            "alpha or beta is 0: the error dynamics jumps, and has no barrier here"
+        )
+    system = Disturbed(
+        *(float(p.KD), float(p.KP), float(p.alpha), float(p.beta)), float(disturbance), of_velocity
+    )
     why = ""
     for turn in _TURNS:
         try:
