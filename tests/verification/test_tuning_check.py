@@ -439,7 +439,13 @@ def test_what_can_be_said_of_a_plant_without_trajectory_is_said(rigid: Robot) ->
     assert checked.flight is None
     assert any("no trajectory" in gap for gap in checked.gaps)
     assert checked.severity is Severity.SAFE
+    assert headline(checked) == "safe"
     assert "reference" in render(checked)
+    unknown = replace(checked, eigenvalues=None)
+    assert headline(unknown) == "safe, as far as could be looked at"
+    assert checked.eigenvalues is not None
+    on_its_way = replace(checked.eigenvalues, evidence=Evidence.SAMPLED)
+    assert headline(replace(checked, eigenvalues=on_its_way)) == "safe, as sampled"
 
 
 def test_a_plant_that_is_late_has_no_sample_more(rigid: Robot) -> None:
@@ -502,7 +508,7 @@ def test_the_command_leaves_json_and_a_page_that_needs_nothing(
         assert joint["verdict"] == "safe"
     page = (results / "tuning_check" / "puma3.html").read_text(encoding="utf-8")
     for joint in told["joints"]:
-        assert joint["joint"] in page
+        assert f"<th>{joint['joint']}</th>" in page
     for elsewhere in ("http:", "https:", "src=", "url(http", "@import", "<script"):
         assert elsewhere not in page
     assert page.count("<svg") == 3
