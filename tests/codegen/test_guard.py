@@ -64,7 +64,8 @@ class Rig:
     @property
     def sliding(self) -> list[float]:
         """The integral part of each joint's sliding variable, in the C's own unit."""
-        name = next(n for n, _ in self.c.last_memory[0]._fields_ if "sliding" in n)
+        fields = [field[0] for field in self.c.last_memory[0]._fields_]
+        name = next(name for name in fields if "sliding" in name)
         return [getattr(memory, name) for memory in self.c.last_memory]
 
 

@@ -234,10 +234,14 @@ class _Cases:
     def moved(self, name: str, further: int, outcome: Outcome) -> Replayed:
         """As fast as is plausible with its reference, at last this much further [count]."""
         zeros = (0.0,) * self.joints
-        limits = tuple(joint.max_displacement for joint in self.controller.joints)
+        # In the direction of the joint's positive speed: some motors turn the other way.
+        limits = tuple(
+            int(math.copysign(joint.max_displacement, joint.rad_per_count))
+            for joint in self.controller.joints
+        )
 
         def tick(number: int, beyond: int) -> Tick:
-            counts = tuple(limit * number + beyond for limit in limits)
+            counts = tuple(limit * number + int(math.copysign(beyond, limit)) for limit in limits)
             q8 = tuple(256 * c for c in counts)
             return Tick(counts, q8, _plausible(self.controller)[0], zeros)
 
