@@ -19,15 +19,17 @@ from verification.accuracy import ARITHMETICS
 from verification.certificates.sig_pow.present import shipped
 from verification.certificates.sig_pow.present import verdict as prove_and_check
 from verification.equivalence import check
-from verification.evidence import current_json, generated_sha256, write_json
+from verification.evidence import Evidence, current_json, generated_sha256, write_json
 from verification.experiments import CONTROLLERS, Experiment, Outcome
 from verification.figures.catalogue import BUILDERS
+from verification.report import certificates
 from verification.report.content import Results, law_block, scientific
 from verification.report.page import render, write
 from verification.report.processor import Processor
 from verification.report.studies import NOTHING, found
 from verification.symbolic import all_proofs
 from verification.table2.fly import PLANTS, fly_table
+from verification.tuning_check.verdict import Finding, Severity
 
 _CELL = {
     "row": "Exp08",
@@ -103,6 +105,7 @@ def results(outcomes: Mapping[Experiment, Outcome]) -> Results:
         tables,
         NOTHING,
         [BUILDERS["convergence"]()],
+        certificates.found(),
     )
 
 
@@ -132,8 +135,8 @@ def test_every_anchor_resolves_to_one_place(page: Page) -> None:
 
 
 def test_every_picture_is_inside_with_a_description(html: str, page: Page) -> None:
-    assert page.tags["svg"] == page.tags["figure"] == page.tags["figcaption"] == 7
-    assert html.count('role="img" aria-label="') == 7
+    assert page.tags["svg"] == page.tags["figure"] == page.tags["figcaption"] == 9
+    assert html.count('role="img" aria-label="') == 9
     for label in ("time [s]", "velocity [deg/s]", "|e| [deg]", "RMS error [deg]", "τ [N m]",
                   "friction [N m]", "torque [% of limit]"):  # fmt: skip
         assert label in html
@@ -340,3 +343,35 @@ def test_studies_of_another_c_are_not_shown(tmp_path: Path) -> None:
     old["generated_sha256"] = "0" * 64
     (tmp_path / "claim.json").write_text(json.dumps(old), encoding="utf-8")
     assert found(tmp_path).claim is None
+
+
+# --- Certificates ------------------------------------------------------------------------------
+
+
+def test_what_is_proved_of_gains_is_told(results: Results, html: str) -> None:
+    found = results.certificates
+    section = html[html.index('<section id="certificates">') :]
+    section = section[: section.index("</section>")]
+    assert len(found.settling) == len(certificates.ALPHAS)
+    for row in found.settling:
+        assert row.dynamics.settling_time_s is not None
+        low, high = row.dynamics.settling_time_s
+        assert high - low < 1e-9
+        assert f"{high:.9f}" in section
+    for arm in found.arms:
+        assert arm.eigenvalues.proved
+        assert f"{float(arm.eigenvalues.high):.4f}" in section
+    assert "puma3 on reference_flexible" in section
+    assert "÷" in html[: html.index("<main>")]
+
+
+def test_a_gain_set_that_is_not_safe_is_shown(results: Results) -> None:
+    found = results.certificates
+    joints = tuple(
+        replace(joint, findings=(Finding(Severity.UNSAFE, "x", "x", "", Evidence.MEASURED),))
+        for joint in found.checks[0].joints
+    )
+    unsafe = replace(found, checks=(replace(found.checks[0], joints=joints), *found.checks[1:]))
+    bad = render(replace(results, certificates=unsafe))
+    assert "key bad" in bad
+    assert 'class="bad">unsafe' in bad

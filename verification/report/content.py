@@ -18,6 +18,7 @@ from verification.bench import cycles
 from verification.bench.variants import CASADI_POWF, NAIVE_DOUBLE, PROJECT
 from verification.certificates.sig_pow.present import Verdict
 from verification.chain.present import NAMES, notes
+from verification.energy.present import picture as energy_picture
 from verification.equivalence import Equivalence, Summary, summary
 from verification.evidence import Evidence, plain
 from verification.experiments import (
@@ -38,13 +39,18 @@ from verification.experiments import (
 )
 from verification.figures.paper_figure import PaperFigure
 from verification.paper import FASTER_RMS_DEG, PAPER, REFERENCE_ROW
+from verification.report import certificates as proved
 from verification.report import figures
+from verification.report.certificates import Certificates
 from verification.report.processor import LINKS, MEANINGS, TITLES, Processor
 from verification.report.studies import Studies
 from verification.report.style import house_style, inline_svg
 from verification.symbolic import Proof
 from verification.table2.fly import COMPARED, FACTOR, TableOf, paper_ratios, ratio_name
 from verification.table2.fly import figures as figures_of_tables
+from verification.tuning_check.pictures import intervals
+from verification.tuning_check.present import headline, margin_of_joint
+from verification.tuning_check.verdict import Severity
 
 
 @dataclass(frozen=True)
@@ -62,6 +68,7 @@ class Results:
         tables: Table II, by plant.
         studies: what longer commands left.
         paper_figures: the paper's figures.
+        certificates: what is proved of gains.
     """
 
     outcomes: Mapping[Experiment, Outcome]
@@ -74,6 +81,7 @@ class Results:
     tables: Sequence[TableOf]
     studies: Studies
     paper_figures: Sequence[PaperFigure]
+    certificates: Certificates
 
 
 @dataclass(frozen=True)
@@ -142,6 +150,7 @@ def key_figures(
     summaries: Sequence[Summary],
     proofs: Sequence[Proof],
     processor: Processor,
+    certificates: Certificates,
 ) -> tuple[KeyFigure, ...]:
     """The figures of the first screen, each with the kind of evidence behind it."""
     best = next(row for row in rows if row.experiment == REFERENCE_ROW)
@@ -184,8 +193,25 @@ def key_figures(
             "proofs",
             held == len(proofs),
         ),
+        _safe(certificates),
         *_bits(processor),
         *_cost(processor),
+    )
+
+
+def _safe(certificates: Certificates) -> KeyFigure:
+    """How far Mbar may be changed until the sampled law is unstable on the reference arm."""
+    check = certificates.checks[0]
+    margin = margin_of_joint(check.joints[0], check)
+    safe = check.severity is not Severity.UNSAFE and margin is not None and certificates.hold
+    return KeyFigure(
+        f"÷{float(margin.down):.1f}, ×{float(margin.up):.1f}" if margin else "none",
+        "of Mbar",
+        f"leave the sampled law stable at every posture (linear, rigid joints); verdict on the "
+        f"gains: {headline(check)}",
+        Evidence.PROVED,
+        "certificates",
+        safe,
     )
 
 
@@ -295,6 +321,11 @@ def pictures(results: Results) -> dict[str, Picture]:
                 "The same law on all six joints of a PUMA 560, gains of Exp08: errors (largest in "
                 f"each {1000 * figures.ENVELOPE_S:.0f} ms) and torques.",
             ),
+            "energy": (
+                energy_picture(results.certificates.energy),
+                "Energy of the desired error dynamics, and of the sliding variable, along the "
+                "closed loop of the generated C.",
+            ),
         }
         own = {
             name: Picture(
@@ -302,6 +333,13 @@ def pictures(results: Results) -> dict[str, Picture]:
             )
             for name, (figure, caption) in drawn.items()
         }
+        own["intervals"] = Picture(
+            "intervals",
+            intervals(results.certificates.checks[0]),
+            "For which Mbar/M the sampled law is stable, and where the reference arm's eigenvalues "
+            "of M(q)^-1 Mbar lie.",
+            Evidence.PROVED,
+        )
         return own | {figure.name: _of_paper(figure) for figure in results.paper_figures}
 
 
@@ -344,6 +382,12 @@ COMMANDS = (
     Command("from the exact law to the processor", "make chain", "build/verification/chain.json"),
     Command("instructions a tick", "make bench", "build/bench/step.json"),
     Command("flash, RAM and stack", "make size", "build/firmware/size.json"),
+    Command(
+        "whether gains are safe",
+        "make tuning-check",
+        "build/verification/tuning_check/NAME.html",
+    ),
+    Command("the energy", "python -m verification energy", "build/verification/energy.json"),
     Command("the proofs", "python -m verification symbolic", "build/verification/symbolic.json"),
     Command("the generated C itself", "python -m codegen generate", "generated/"),
 )
@@ -372,7 +416,12 @@ def as_json(results: Results) -> dict[str, Any]:
         "paper": str(PAPER),
         "key_figures": plain(
             key_figures(
-                tables.rows, tables.gains, tables.summaries, results.proofs, results.processor
+                tables.rows,
+                tables.gains,
+                tables.summaries,
+                results.proofs,
+                results.processor,
+                results.certificates,
             )
         ),
         "experiments": [plain(outcome.summary()) for outcome in results.outcomes.values()],
@@ -391,6 +440,7 @@ def as_json(results: Results) -> dict[str, Any]:
         "kernels": plain(list(results.kernels)),
         "accuracy": results.accuracy,
         "table_2_by_plant": plain(figures_of_tables(results.tables)["plants"]),
+        "certificates": plain(proved.as_json(results.certificates)),
     }
 
 
@@ -422,7 +472,12 @@ def context(results: Results) -> dict[str, Any]:
     return {
         "paper": PAPER,
         "keys": key_figures(
-            tables.rows, tables.gains, tables.summaries, results.proofs, results.processor
+            tables.rows,
+            tables.gains,
+            tables.summaries,
+            results.proofs,
+            results.processor,
+            results.certificates,
         ),
         "kinds": list(Evidence),
         "pictures": pictures(results),
@@ -432,6 +487,10 @@ def context(results: Results) -> dict[str, Any]:
         "tables_2": results.tables,
         "studies": results.studies,
         "paper_figures": [figure.name for figure in results.paper_figures],
+        "certificates": results.certificates,
+        "verdict": headline,
+        "kd": proved.KD,
+        "kp": proved.KP,
         "factor": FACTOR,
         "paper_ratios": {ratio_name(row): paper_ratios(row) for row in COMPARED},
         "faster": Beside("Exp08", "", faster.rms_deg, FASTER_RMS_DEG),
