@@ -14,6 +14,8 @@ CONTROLLER ?=
 EXPERIMENT ?= Exp08
 # The robot that `make tune` and `make autotune` tune on.
 PLANT ?= reference_flexible
+# How long `make fuzz` takes in all, whatever it takes to compile.
+MINUTES ?= 5
 # More words for pytest: make test PYTEST_ARGS="-k sig_pow -x".
 PYTEST_ARGS ?=
 # `make lock UPGRADE=1` moves the pinned versions forward; without it they stay where they can.
@@ -128,6 +130,12 @@ chain: setup
 	@tools/system_tools.sh test firmware
 	@$(run) -m verification chain
 
+## The generated C under libFuzzer, ASan and UBSan: make fuzz MINUTES=60
+.PHONY: fuzz
+fuzz: setup
+	@tools/system_tools.sh fuzz
+	@$(run) -m verification fuzz --minutes $(MINUTES)
+
 ## Count a step's instructions, flash and stack on each processor; measure the plants' pace
 .PHONY: bench
 bench: setup
@@ -138,7 +146,7 @@ bench: setup
 ## Run the tests; narrow them with PYTEST_ARGS="-k WORD"
 .PHONY: test
 test: setup
-	@tools/system_tools.sh test firmware
+	@tools/system_tools.sh test firmware fuzz
 	@$(run) -m pytest --numprocesses auto $(PYTEST_ARGS)
 
 ## Check style, types and C rules: ruff, mypy, clang-format, clang-tidy, cppcheck (MISRA), gcc
