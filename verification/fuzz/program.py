@@ -137,7 +137,7 @@ def build(controller: Controller, sources: Path | None = None) -> Fuzzer:
         f"-DCONTROLLER_UPPER={controller.name.upper()}",
     )
     objects = []
-    for source in (TARGET / "fuzz.c", written, *sorted(sources.glob("*.c"))):
+    for source in (TARGET / "fuzz.c", TARGET / "scalars.c", written, *sorted(sources.glob("*.c"))):
         watched = _WATCHED if source.parent == sources else ()
         objects.append(str(folder / f"{source.stem}.o"))
         _compile(clang, *flags, *watched, "-c", str(source), "-o", objects[-1])

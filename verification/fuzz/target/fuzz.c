@@ -19,7 +19,7 @@
 #include <string.h>
 
 #include "firmware_stub/controller.h"
-#include "verification/fuzz/target/tables.h"
+#include "verification/fuzz/target/scalars.h"
 
 #define MOST_STATUSES 16u
 
@@ -154,109 +154,16 @@ static uint64_t draw_64(generator *const g)
 
 /* --- Numbers of a structure -------------------------------------------------------------------- */
 
-static uint64_t bits_of(const void *const structure, const scalar *const s)
-{
-    uint64_t wide = 0u;
-    uint32_t narrow = 0u;
-    const unsigned char *const place = (const unsigned char *)structure + s->offset;
-    if (s->type == SCALAR_DOUBLE) {
-        (void)memcpy(&wide, place, sizeof wide);
-        return wide;
-    }
-    (void)memcpy(&narrow, place, sizeof narrow);
-    return narrow;
-}
-
-static void set_bits(void *const structure, const scalar *const s, const uint64_t bits)
-{
-    unsigned char *const place = (unsigned char *)structure + s->offset;
-    if (s->type == SCALAR_DOUBLE) {
-        (void)memcpy(place, &bits, sizeof bits);
-    } else {
-        const uint32_t narrow = (uint32_t)bits;
-        (void)memcpy(place, &narrow, sizeof narrow);
-    }
-}
-
-static double real_of(const uint64_t bits, const scalar_type type)
-{
-    double wide;
-    float narrow;
-    const uint32_t low = (uint32_t)bits;
-    if (type == SCALAR_DOUBLE) {
-        (void)memcpy(&wide, &bits, sizeof wide);
-        return wide;
-    }
-    (void)memcpy(&narrow, &low, sizeof narrow);
-    return (double)narrow;
-}
-
-/* The place of the exponent field and the width of it. */
-typedef struct {
-    uint32_t mantissa_bits, exponent_ones;
-} real_format;
-
-static real_format format_of(const scalar_type type)
-{
-    const real_format formats[2] = {{23u, 0xFFu}, {52u, 0x7FFu}};
-    return formats[(type == SCALAR_DOUBLE) ? 1 : 0];
-}
-
-static uint64_t sign_of(const scalar_type type)
-{
-    return (type == SCALAR_DOUBLE) ? (UINT64_C(1) << 63u) : (UINT64_C(1) << 31u);
-}
-
-static bool is_real(const scalar_type type)
-{
-    return (type == SCALAR_FLOAT) || (type == SCALAR_DOUBLE);
-}
-
 /* A real number of magnitude 2^(from - bias), from in the exponent field, up to 2^span more. */
 static uint64_t real_in(generator *const g, const scalar_type type, const int32_t from,
                         const uint32_t span)
 {
-    const real_format format = format_of(type);
+    const real_format format = scalar_format(type);
     const uint64_t mask = (UINT64_C(1) << format.mantissa_bits) - 1u;
     const uint32_t bias = format.exponent_ones >> 1u;
     const uint64_t field = (uint64_t)((int64_t)bias + from + (int64_t)(draw(g) % span));
-    const uint64_t sign = once_in(g, 2u) ? sign_of(type) : 0u;
+    const uint64_t sign = once_in(g, 2u) ? scalar_format(type).sign : 0u;
     return sign | (field << format.mantissa_bits) | (draw_64(g) & mask);
-}
-
-/* Zeros, subnormals, the ends, one, infinities, quiet and signalling NaN. */
-static uint64_t special_real(generator *const g, const scalar_type type)
-{
-    const real_format format = format_of(type);
-    const uint64_t one_ulp = UINT64_C(1) << format.mantissa_bits;
-    const uint64_t infinity = (uint64_t)format.exponent_ones << format.mantissa_bits;
-    const uint64_t one = (uint64_t)(format.exponent_ones >> 1u) << format.mantissa_bits;
-    const uint64_t each[] = {
-        0u,
-        1u,
-        one_ulp - 1u,
-        one_ulp,
-        one_ulp + 1u,
-        one - 1u,
-        one,
-        one + 1u,
-        infinity,
-        infinity - 1u,
-        infinity + 1u,
-        infinity | (one_ulp >> 1u),
-        infinity | (one_ulp - 1u),
-    };
-    const uint64_t sign = once_in(g, 2u) ? sign_of(type) : 0u;
-    return sign | each[draw(g) % (sizeof each / sizeof each[0])];
-}
-
-static uint32_t special_integer(generator *const g)
-{
-    static const uint32_t each[] = {
-        0u,          1u,          2u,          0x3FFFFFFEu, 0x3FFFFFFFu, 0x40000000u, 0x7FFFFFFEu,
-        0x7FFFFFFFu, 0x80000000u, 0x80000001u, 0xC0000000u, 0xC0000001u, 0xFFFFFFFEu, 0xFFFFFFFFu,
-    };
-    return each[draw(g) % (sizeof each / sizeof each[0])];
 }
 
 /* An integer of either sign, of a magnitude below 2^(32 - least_shift), all magnitudes alike. */
@@ -287,58 +194,33 @@ static uint64_t drawn(generator *const g, const scalar_type type, const regime f
         return draw_64(g);
     }
     if (far == SPECIAL) {
-        return is_real(type) ? special_real(g, type) : special_integer(g);
+        return scalar_special(type, draw(g) % SPECIALS);
     }
     const reach *const to = &REACHES[far];
-    return is_real(type) ? real_in(g, type, to->from, to->span) : integer_below(g, to->shift);
+    return scalar_is_real(type) ? real_in(g, type, to->from, to->span)
+                                : integer_below(g, to->shift);
 }
 
 /* --- Configurations ---------------------------------------------------------------------------- */
 
-static bool rule_holds(const scalar *const s, const uint64_t bits)
-{
-    const double real = is_real(s->type) ? real_of(bits, s->type) : 0.0;
-    const int32_t integer = tdc_signed((uint32_t)bits);
-    switch (s->rule) {
-    case RULE_POSITIVE:
-        return isfinite(real) && (real > 0.0);
-    case RULE_NOT_NEGATIVE:
-        return isfinite(real) && (real >= 0.0);
-    case RULE_RATIO:
-        return (real > 0.0) && (real <= 1.0);
-    case RULE_ABOVE_MINUS_1:
-        return integer != INT32_MIN;
-    case RULE_DISPLACEMENT:
-        return (integer >= 1) && (integer < 0x40000000);
-    case RULE_ON_ERROR:
-        return (bits == TDC_HOLD_TORQUE) || (bits == TDC_ZERO_TORQUE);
-    case RULE_IDENTITY:
-        return bits == bits_of(&controller_default_config, s);
-    case RULE_ANY:
-    case RULE_ELSEWHERE:
-    default:
-        return true;
-    }
-}
-
 /* A number that keeps the rule, near the one that is there. */
 static uint64_t mended(const scalar *const s, const uint64_t bits)
 {
-    const real_format format = format_of(s->type);
+    const real_format format = scalar_format(s->type);
     const uint64_t smallest_above_one = (uint64_t)(format.exponent_ones >> 1u)
                                         << format.mantissa_bits;
     switch (s->rule) {
     case RULE_POSITIVE:
     case RULE_NOT_NEGATIVE:
-        return bits & ~sign_of(s->type);
+        return bits & ~scalar_format(s->type).sign;
     case RULE_RATIO:
-        return (bits & (sign_of(s->type) - 1u)) % smallest_above_one;
+        return (bits & (scalar_format(s->type).sign - 1u)) % smallest_above_one;
     case RULE_DISPLACEMENT:
         return (bits & 0x3FFFFFFFu) | 1u;
     case RULE_ON_ERROR:
         return bits & 1u;
     case RULE_IDENTITY:
-        return bits_of(&controller_default_config, s);
+        return scalar_bits(&controller_default_config, s);
     case RULE_ANY:
     case RULE_ABOVE_MINUS_1:
     case RULE_ELSEWHERE:
@@ -352,9 +234,9 @@ static uint64_t mutated(reader *const from, const scalar *const s, const uint64_
 {
     const uint32_t how = read_byte(from);
     generator g = seeded(read_word(from));
-    const real_format format = format_of(s->type);
+    const real_format format = scalar_format(s->type);
     const uint64_t step = UINT64_C(1)
-                          << (draw(&g) % (is_real(s->type) ? format.mantissa_bits : 31u));
+                          << (draw(&g) % (scalar_is_real(s->type) ? format.mantissa_bits : 31u));
     switch (how % 8u) {
     case 0u:
         return draw_64(&g);
@@ -367,11 +249,12 @@ static uint64_t mutated(reader *const from, const scalar *const s, const uint64_
     case 4u:
         return bits - step;
     case 5u: /* some powers of two more, or less */
-        return is_real(s->type) ? (bits + ((uint64_t)(draw(&g) % 64u) << format.mantissa_bits) -
-                                   (UINT64_C(32) << format.mantissa_bits))
-                                : ((uint64_t)(uint32_t)bits >> (draw(&g) % 31u));
+        return scalar_is_real(s->type)
+                   ? (bits + ((uint64_t)(draw(&g) % 64u) << format.mantissa_bits) -
+                      (UINT64_C(32) << format.mantissa_bits))
+                   : ((uint64_t)(uint32_t)bits >> (draw(&g) % 31u));
     case 6u:
-        return is_real(s->type) ? (bits ^ sign_of(s->type)) : (0u - bits);
+        return scalar_is_real(s->type) ? (bits ^ scalar_format(s->type).sign) : (0u - bits);
     default:
         return mended(s, draw_64(&g));
     }
@@ -387,13 +270,13 @@ static void read_config(reader *const from, controller_config *const config)
             const scalar *const s = &config_table.scalars[i];
             uint64_t bits = 0u;
             read_bytes(from, &bits, sizeof bits);
-            set_bits(config, s, ((how & 12u) != 0u) ? mended(s, bits) : bits);
+            scalar_set_bits(config, s, ((how & 12u) != 0u) ? mended(s, bits) : bits);
         }
     }
     for (uint32_t mutations = how >> 4u; mutations > 0u; --mutations) {
         const scalar *const s = read_scalar(from, &config_table);
-        const uint64_t bits = mutated(from, s, bits_of(config, s));
-        set_bits(config, s, ((how & 12u) != 0u) ? mended(s, bits) : bits);
+        const uint64_t bits = mutated(from, s, scalar_bits(config, s));
+        scalar_set_bits(config, s, ((how & 12u) != 0u) ? mended(s, bits) : bits);
     }
 }
 
@@ -405,7 +288,7 @@ static bool is_taken(const controller_config *const config)
     for (size_t i = 0u; i < config_table.count; ++i) {
         const scalar *const s = &config_table.scalars[i];
         known = known && (s->rule != RULE_ELSEWHERE);
-        holds = holds && rule_holds(s, bits_of(config, s));
+        holds = holds && scalar_rule_holds(s, scalar_bits(config, s));
     }
     const tdc_status status = controller_check_config(config);
     require((status == TDC_OK) || (status == TDC_BAD_CONFIG), "check_config answers yes or no");
@@ -443,7 +326,7 @@ static bool keeps(const controller_state *const before, const controller_state *
     for (size_t i = 0u; same && (i < state_table.count); ++i) {
         const scalar *const s = &state_table.scalars[i];
         if (is_read(s, before->phase) && !(after_error && s->changed_by_error)) {
-            same = bits_of(before, s) == bits_of(after, s);
+            same = scalar_bits(before, s) == scalar_bits(after, s);
         }
     }
     return same;
@@ -454,7 +337,7 @@ static void fill_scratch(generator *const g, controller_state *const state)
     for (size_t i = 0u; i < state_table.count; ++i) {
         const scalar *const s = &state_table.scalars[i];
         if (!is_read(s, state->phase)) {
-            set_bits(state, s, draw_64(g));
+            scalar_set_bits(state, s, draw_64(g));
         }
     }
 }
@@ -471,7 +354,8 @@ static void run_init(rig *const r, reader *const from)
         counts[j] = tdc_signed((uint32_t)drawn(&g, SCALAR_INT32, near ? WIDE : SPECIAL));
         const uint64_t bits = drawn(&g, number_type, near ? NEAR : SPECIAL);
         (void)memcpy(&torque[j], &bits, sizeof torque[j]);
-        finite = finite && (!is_real(number_type) || isfinite(real_of(bits, number_type)));
+        finite =
+            finite && (!scalar_is_real(number_type) || isfinite(scalar_real(bits, number_type)));
     }
     const uint32_t missing = ((how >> 2u) < 16u) ? (how >> 2u) : 0u;
     const controller_state before = r->state;
@@ -498,15 +382,15 @@ static void corrupt(rig *const r, reader *const from)
 {
     const scalar *const s = read_scalar(from, &state_table);
     generator g = seeded(read_word(from));
-    const uint64_t bits = bits_of(&r->state, s);
+    const uint64_t bits = scalar_bits(&r->state, s);
     if (takes_any_bits) {
-        set_bits(&r->state, s,
-                 (read_byte(from) & 1u) ? (bits ^ (UINT64_C(1) << (draw(&g) % 64u)))
-                                        : drawn(&g, s->type, SPECIAL));
+        scalar_set_bits(&r->state, s,
+                        (read_byte(from) & 1u) ? (bits ^ (UINT64_C(1) << (draw(&g) % 64u)))
+                                               : drawn(&g, s->type, SPECIAL));
     } else if (s->memory != MEMORY_COMMON) {
         const int32_t value = tdc_signed((uint32_t)bits);
         const int32_t less = value / tdc_signed(UINT32_C(1) << (draw(&g) % 31u));
-        set_bits(&r->state, s, (uint32_t)(once_in(&g, 2u) ? -less : less));
+        scalar_set_bits(&r->state, s, (uint32_t)(once_in(&g, 2u) ? -less : less));
     } else {
         /* A phase is spoilt elsewhere, and what else all memories share is theirs. */
     }
@@ -647,7 +531,7 @@ static void draw_input(generator *const g, const rig *const r, const motion *con
     for (size_t i = 0u; i < input_table.count; ++i) {
         const scalar *const s = &input_table.scalars[i];
         const bool spoilt = (far == RAW) || ((far > NEAR) && once_in(g, 4u));
-        set_bits(input, s, drawn(g, s->type, spoilt ? far : usual));
+        scalar_set_bits(input, s, drawn(g, s->type, spoilt ? far : usual));
     }
     const uint32_t widest = once_in(g, 8u) ? 0u : 14u;
     for (uint32_t j = 0u; (far != RAW) && (j < JOINTS); ++j) {
