@@ -136,6 +136,12 @@ fuzz: setup
 	@tools/system_tools.sh fuzz
 	@$(run) -m verification fuzz --minutes $(MINUTES)
 
+## Directed tests of the generated C: every branch (gcovr), every condition (MC/DC, clang)
+.PHONY: coverage
+coverage: setup
+	@tools/system_tools.sh fuzz
+	@$(run) -m verification coverage
+
 ## Count a step's instructions, flash and stack on each processor; measure the plants' pace
 .PHONY: bench
 bench: setup

@@ -25,8 +25,9 @@ SECONDS = 60.0
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
-def test_fuzzing_finds_nothing(name: str) -> None:
-    done = run(build(load(REPOSITORY / f"controllers/{name}.toml")), SECONDS / len(CONTROLLERS))
+def test_fuzzing_finds_nothing(tmp_path: Path, name: str) -> None:
+    fuzzer = build(load(REPOSITORY / f"controllers/{name}.toml"), tmp_path)
+    done = run(fuzzer, SECONDS / len(CONTROLLERS))
     assert done.finding is None
     # A fuzzer whose every tick is an error, or whose every configuration is refused, tests little.
     assert done.good > done.steps_taken / 2 > 1000
@@ -35,11 +36,11 @@ def test_fuzzing_finds_nothing(name: str) -> None:
     assert min(done.taken, done.refused) > 0
 
 
-def test_a_structure_with_every_part_of_the_law_is_fuzzed_too() -> None:
+def test_a_structure_with_every_part_of_the_law_is_fuzzed_too(tmp_path: Path) -> None:
     every_part = variants(load(REPOSITORY / "controllers/puma3.toml"))[-1]
     assert every_part.options.torque_report
     assert every_part.options.low_pass
-    assert run(build(every_part), 1.0).finding is None
+    assert run(build(every_part, tmp_path), 1.0).finding is None
 
 
 MUTANTS = [
@@ -104,7 +105,7 @@ def test_broken_c_is_found(tmp_path: Path, name: str, old: str, new: str, says: 
     text = source.read_text(encoding="utf-8")
     assert old in text, "the C has changed: break it in another way"
     source.write_text(text.replace(old, new, 1), encoding="utf-8")
-    fuzzer = build(load(REPOSITORY / f"controllers/{name}.toml"), sources)
+    fuzzer = build(load(REPOSITORY / f"controllers/{name}.toml"), tmp_path / "fuzz", sources)
     done = run(fuzzer, 10.0)
     assert done.finding is not None
     assert says in done.finding.says
@@ -138,6 +139,6 @@ def test_the_kept_corpus_is_small_and_merges(tmp_path: Path) -> None:
     kept = list(CORPUS.iterdir())
     assert len(kept) > 10
     assert sum(path.stat().st_size for path in kept) < 200_000
-    fuzzer = build(load(REPOSITORY / "controllers/puma3.toml"))
+    fuzzer = build(load(REPOSITORY / "controllers/puma3.toml"), tmp_path)
     shutil.copytree(CORPUS, tmp_path / "corpus")
     assert 0 < keep([fuzzer], tmp_path / "corpus") <= len(kept) + 50

@@ -113,18 +113,19 @@ class Fuzzer:
         return Fuzzed(self.controller, 0.0, 0, none, 0, dict(none), 0, 0, None)
 
 
-def build(controller: Controller, sources: Path | None = None) -> Fuzzer:
+def build(controller: Controller, into: Path = FUZZ_BUILD, sources: Path | None = None) -> Fuzzer:
     """Compiles the fuzzer of a controller.
 
     Args:
         controller: whose tables.
+        into: where a folder of its own is for program, corpus and findings.
         sources: a folder with its C in place of the generated one.
 
     Raises:
         ToolError: the compiler is missing, or refused the C.
     """
     clang = tool(CLANG, CLANG)
-    folder = FUZZ_BUILD / controller.name if sources is None else sources / "fuzz"
+    folder = into / controller.name
     sources = sources_of(controller) if sources is None else sources
     folder.mkdir(parents=True, exist_ok=True)
     header = (sources / "tdc.h").read_text(encoding="utf-8")
