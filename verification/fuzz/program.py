@@ -26,7 +26,7 @@ FUZZ_BUILD = BUILD / "fuzz"
 
 CLANG = "clang-19"
 ROUND_S = 20.0
-LONGEST_INPUT = 512
+LONGEST_INPUT = 1024
 """[bytes]; one takes up to some thousand steps."""
 
 _FLAGS = (

@@ -268,8 +268,10 @@ static void read_config(reader *const from, controller_config *const config)
     if ((how & 2u) != 0u) {
         for (size_t i = 0u; i < config_table.count; ++i) {
             const scalar *const s = &config_table.scalars[i];
-            uint64_t bits = 0u;
-            read_bytes(from, &bits, sizeof bits);
+            uint64_t bits = read_word(from);
+            if (s->type == SCALAR_DOUBLE) {
+                bits |= (uint64_t)read_word(from) << 32u;
+            }
             scalar_set_bits(config, s, ((how & 12u) != 0u) ? mended(s, bits) : bits);
         }
     }
