@@ -382,7 +382,7 @@ def _as_written(path: Path) -> RobotFile:
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:
-        # Also bytes that aren't UTF-8, numbers of too many digits, and tables in tables without end.
+        # Also bytes that aren't UTF-8, numbers of too many digits, and nests that are too deep.
         raise RobotError(f"{path.name}: no valid TOML: {error}") from error
     try:
         return RobotFile.model_validate(data)

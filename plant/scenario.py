@@ -362,7 +362,7 @@ def read_scenario(scenario: str | Path) -> Scenario:
         problem = Problem("scenario", show(str(scenario)), "a file that is there", known)
         raise SpecificationError(str(scenario), [problem]) from error
     except (ValueError, RecursionError) as error:
-        # Also bytes that aren't UTF-8, numbers of too many digits, and tables in tables without end.
+        # Also bytes that aren't UTF-8, numbers of too many digits, and nests that are too deep.
         problem = Problem("scenario", path.name, "valid TOML", str(error))
         raise SpecificationError(path.name, [problem]) from error
     try:

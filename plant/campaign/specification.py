@@ -165,7 +165,7 @@ def read(path: Path) -> CampaignSpecification:
         problem = Problem("the file", str(path), "it can be read", f"{error.strerror}: check it")
         raise SpecificationError(str(path), [problem]) from error
     except (ValueError, RecursionError) as error:
-        # Also bytes that aren't UTF-8, numbers of too many digits, and tables in tables without end.
+        # Also bytes that aren't UTF-8, numbers of too many digits, and nests that are too deep.
         problem = Problem("the file", str(path), "valid TOML", str(error))
         raise SpecificationError(str(path), [problem]) from error
     return validate(data, str(path))
