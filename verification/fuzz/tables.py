@@ -13,13 +13,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from codegen.controller import Controller
+from codegen.exact import LOST_TICKS_MAX
 from codegen.layout import layout
 from codegen.structs import Range, Scalar, Struct
 from plant.controller import structures
 from plant.units import units
-
-CHANGED_BY_ERRORS: frozenset[str] = frozenset()
-"""Fields of the state that an error changes, as the header says; all others it leaves alone."""
 
 STATUS_NAME = re.compile(r"^\s*(TDC_\w+) = (-?\d+),", re.MULTILINE)
 PHASE = re.compile(r"^#define TDC_PHASE_\w+ (0x[0-9A-F]+)u", re.MULTILINE)
@@ -37,6 +35,8 @@ _RULES = {
     Range.NOT_NEGATIVE: "RULE_NOT_NEGATIVE",
     Range.RATIO: "RULE_RATIO",
     Range.DISPLACEMENT: "RULE_DISPLACEMENT",
+    Range.LOST_TICKS: "RULE_LOST_TICKS",
+    Range.SWITCH: "RULE_SWITCH",
     Range.ON_ERROR: "RULE_ON_ERROR",
     Range.IDENTITY: "RULE_IDENTITY",
 }
@@ -87,18 +87,24 @@ def tables(controller: Controller, shared_header: str) -> str:
     phases = [int(phase, 16) for phase in PHASE.findall(shared_header)]
     floating = controller.arithmetic.kind == "floating-point"
     starts = ("counts", units(controller).torque.field)
+    # What a tick after lost ones works out itself is what the generator says of even motion.
+    resumes = (
+        *starts,
+        *(f.name for f in described.joint_state.fields if "sliding_integral" in f.name),
+    )
     # Running phases take turns: the last bit is the index of the memory.
     return "\n".join(
         [
             "#include <stdbool.h>",
             '#include "verification/fuzz/target/tables.h"',
             *_table("config", types.config, lambda n: _row(n, _rule(described.config, n.path))),
-            *_table("state", types.state, lambda n: _state_row(n, starts)),
+            *_table("state", types.state, lambda n: _state_row(n, starts, resumes)),
             *_table("input", types.input, lambda n: _row(n, "RULE_ANY")),
             f"const int32_t statuses[] = {{{', '.join(statuses)}}};",
             f"const size_t status_count = {len(statuses)}u;",
             f"const uint32_t first_phase = 0x{min(phases):X}u;",
             f"const uint32_t last_phase = 0x{max(phases) + 1:X}u;",
+            f"const uint32_t most_lost_ticks = {LOST_TICKS_MAX}u;",
             f"const bool takes_any_bits = {str(floating).lower()};",
             f"const scalar_type number_type = {_TYPES[types.torque]};",
             "",
@@ -116,11 +122,9 @@ def _table(name: str, kind: Any, row: Callable[[Number], str]) -> list[str]:
     ]
 
 
-def _row(
-    number: Number, rule: str, memory: int = -1, starts: bool = False, changed: bool = False
-) -> str:
-    flags = ", ".join(str(flag).lower() for flag in (starts, changed))
-    place = f"{number.offset}u, {_TYPES[number.type]}, {rule}, (scalar_memory)({memory}), {flags}"
+def _row(number: Number, rule: str, memory: int = -1, flags: Sequence[bool] = 4 * (False,)) -> str:
+    words = ", ".join(str(flag).lower() for flag in flags)
+    place = f"{number.offset}u, {_TYPES[number.type]}, {rule}, (scalar_memory)({memory}), {words}"
     return f"{{{place}}} /* {'.'.join(map(str, number.path))} */"
 
 
@@ -137,14 +141,15 @@ def _rule(struct: Struct, path: Sequence[str | int]) -> str:
     return _RULES.get(field.range, _ELSEWHERE)
 
 
-def _state_row(number: Number, starts: Sequence[str]) -> str:
-    path = number.path
+def _state_row(number: Number, starts: Sequence[str], resumes: Sequence[str]) -> str:
+    path, name = number.path, number.path[-1]
     memory = path[path.index("tick") + 1] if "tick" in path else -1
     assert isinstance(memory, int)
-    return _row(
-        number,
-        "RULE_ANY",
-        memory,
-        memory >= 0 and path[-1] in starts,
-        not CHANGED_BY_ERRORS.isdisjoint(map(str, path)),
+    of_a_tick = memory >= 0
+    flags = (
+        of_a_tick and name in starts,
+        of_a_tick and name in resumes,
+        of_a_tick and name == "counts",
+        name == "lost_ticks",
     )
+    return _row(number, "RULE_ANY", memory, flags)

@@ -7,8 +7,9 @@
  * Besides the sanitizers these judge, each by a sentence of the header:
  *   - the status is one that tdc.h names; good is zero or more
  *   - good: every torque is finite and within its limit
- *   - an error: the torque is the last good one or zero, as on_error says, zero for a bad argument
- *     or an unfilled state; whatever a later tick reads of the state is as it was
+ *   - a lost tick: it is counted, the torque is the last good one or zero, as on_error says, and
+ *     the law's memory of the last good tick is as it was
+ *   - another error: the torque is zero, and the state is as it was in every bit
  *   - the same state, configuration and input give the same bits, whatever is in scratch memory
  *   - check_config takes what its rules allow and nothing else; init refuses what it refuses
  */
@@ -217,6 +218,9 @@ static uint64_t mended(const scalar *const s, const uint64_t bits)
         return (bits & (scalar_format(s->type).sign - 1u)) % smallest_above_one;
     case RULE_DISPLACEMENT:
         return (bits & 0x3FFFFFFFu) | 1u;
+    case RULE_LOST_TICKS:
+        return 1u + (bits % most_lost_ticks);
+    case RULE_SWITCH:
     case RULE_ON_ERROR:
         return bits & 1u;
     case RULE_IDENTITY:
@@ -312,26 +316,53 @@ typedef struct {
     controller_input last;
 } rig;
 
+static bool is_running(const uint32_t phase)
+{
+    return (phase - TDC_PHASE_RUNNING) <= 1u;
+}
+
 /* Whether a step reads a number of the state: not what the tick writes, or works out itself. */
 static bool is_read(const scalar *const s, const uint32_t phase)
 {
     if (s->memory == MEMORY_COMMON) {
-        return true;
+        return !(s->counter && is_running(phase));
     }
-    return ((uint32_t)s->memory == (phase & 1u)) && ((phase != TDC_PHASE_START) || s->starts);
+    if ((uint32_t)s->memory != (phase & 1u)) {
+        return s->latest && !is_running(phase);
+    }
+    return is_running(phase) || ((phase == TDC_PHASE_START) ? s->starts : s->resumes);
 }
 
-static bool keeps(const controller_state *const before, const controller_state *const after,
-                  const bool after_error)
+static bool keeps(const controller_state *const before, const controller_state *const after)
 {
     bool same = before->phase == after->phase;
     for (size_t i = 0u; same && (i < state_table.count); ++i) {
         const scalar *const s = &state_table.scalars[i];
-        if (is_read(s, before->phase) && !(after_error && s->changed_by_error)) {
-            same = scalar_bits(before, s) == scalar_bits(after, s);
-        }
+        same = !is_read(s, before->phase) || (scalar_bits(before, s) == scalar_bits(after, s));
     }
     return same;
+}
+
+/* What is left of a state by a lost tick: the last good memory, and one more of them. */
+static void judge_loss(const controller_state *const before, const controller_state *const after,
+                       const controller_input *const input)
+{
+    const uint32_t last = before->phase & 1u;
+    const uint32_t lost = is_running(before->phase) ? 0u : before->lost_ticks;
+    require(after->lost_ticks == (lost + 1u), "a lost tick is counted");
+    require(!is_running(after->phase) && ((after->phase & 1u) == last), "a lost tick is told");
+    require(before->saturated_joints == after->saturated_joints, "a lost tick saturates nothing");
+    for (uint32_t j = 0u; j < JOINTS; ++j) {
+        require(after->joint[j].tick[last ^ 1u].counts == input->counts[j],
+                "the latest reading is remembered");
+    }
+    for (size_t i = 0u; i < state_table.count; ++i) {
+        const scalar *const s = &state_table.scalars[i];
+        /* The counts are those of the latest reading where a tick was tried and failed after others. */
+        const bool is_law = ((uint32_t)s->memory == last) && is_read(s, after->phase) && !s->latest;
+        require(!is_law || (scalar_bits(before, s) == scalar_bits(after, s)),
+                "an error leaves the law's memory as it was");
+    }
 }
 
 static void fill_scratch(generator *const g, controller_state *const state)
@@ -416,8 +447,8 @@ static bool has_zero_torque(const controller_number torque[JOINTS])
 static void judge_torque(const rig *const r, const tdc_status status,
                          const controller_number torque[JOINTS])
 {
-    if ((status == TDC_NOT_INITIALISED) || (status == TDC_BAD_ARGUMENT)) {
-        require(has_zero_torque(torque), "without arguments or memory the torque is zero");
+    if ((status < 0) && (tdc_is_lost(status) == 0u)) {
+        require(has_zero_torque(torque), "an error that is no lost tick has zero torque");
         return;
     }
     if (!r->config_is_good) {
@@ -456,19 +487,21 @@ static tdc_status run_step(rig *const r, const controller_input *const input, ge
 
     require(status == same, "the status follows from configuration, state and input");
     require(same_bytes(torque, again, sizeof torque), "the same tick gives the same bits");
-    require(keeps(&r->state, &other, false), "the same tick leaves the same state");
+    require(keeps(&r->state, &other), "the same tick leaves the same state");
     require(filled || (status == TDC_NOT_INITIALISED), "memory that nobody filled is noticed");
     require(status != TDC_BAD_ARGUMENT, "no argument is NULL");
     judge_torque(r, status, torque);
-    if (status < 0) {
-        require(keeps(&before, &r->state, true), "an error leaves the state as it was");
+    if (tdc_is_lost(status) != 0u) {
+        judge_loss(&before, &r->state, input);
+        if (once_in(g, 2u)) {
+            r->last = *input;
+        }
+    } else if (status < 0) {
+        require(same_bytes(&before, &r->state, sizeof before), "other errors change nothing");
     } else {
         (void)memcpy(r->held, torque, sizeof torque);
         r->torque_is_known = r->config_is_good;
         r->last = *input;
-    }
-    if (status == TDC_NOT_INITIALISED) {
-        require(same_bytes(&before, &r->state, sizeof before), "what nobody filled stays so");
     }
     return status;
 }
@@ -503,17 +536,27 @@ static motion draw_motion(generator *const g)
     return m;
 }
 
-/* Steps of a joint [count]: mostly plausible ones, at times at the edge of an encoder jump. */
-static uint32_t displaced(generator *const g, const rig *const r, const motion *const m,
-                          const uint32_t j)
+/* What is at the edge of a limit, one beyond it, or anywhere within; of either sign. */
+static uint32_t within(generator *const g, const int32_t limit)
 {
-    const uint32_t most = (uint32_t)r->config.joint[j].max_displacement;
-    if (m->calm) {
-        return (uint32_t)m->displacement[j] + (once_in(g, 32u) ? 1u : 0u);
-    }
+    const uint32_t most = (uint32_t)limit;
     const uint32_t inside = (draw(g) >> (1u + (draw(g) % 31u))) % (most | 1u);
     const uint32_t magnitude = once_in(g, 32u) ? (most + (draw(g) & 1u)) : inside;
     return once_in(g, 2u) ? (0u - magnitude) : magnitude;
+}
+
+/* How a joint moves in a tick [count]: evenly, or as its limits allow, or just not. */
+static uint32_t displaced(generator *const g, const rig *const r, motion *const m, const uint32_t j)
+{
+    const controller_joint_config *const gains = &r->config.joint[j];
+    const uint32_t last = (uint32_t)m->displacement[j];
+    if (m->calm) {
+        return last + (once_in(g, 32u) ? 1u : 0u);
+    }
+    const uint32_t now = once_in(g, 32u) ? within(g, gains->max_displacement)
+                                         : (last + within(g, gains->max_displacement_change));
+    m->displacement[j] = tdc_signed(now);
+    return now;
 }
 
 static regime draw_regime(generator *const g, const motion *const m)
@@ -525,7 +568,7 @@ static regime draw_regime(generator *const g, const motion *const m)
     return (m->calm && !once_in(g, 8u)) ? CALM : each[draw(g) % 16u];
 }
 
-static void draw_input(generator *const g, const rig *const r, const motion *const m,
+static void draw_input(generator *const g, const rig *const r, motion *const m,
                        controller_input *const input)
 {
     const regime usual = m->calm ? CALM : NEAR;
@@ -549,9 +592,9 @@ static void run_burst(rig *const r, reader *const from)
 {
     const uint32_t ticks = 1u + (read_byte(from) % 64u);
     generator g = seeded(read_word(from));
-    const motion m = draw_motion(&g);
+    motion m = draw_motion(&g);
     tdc_status status = TDC_OK;
-    for (uint32_t t = 0u; (t < ticks) && (status != TDC_NOT_INITIALISED); ++t) {
+    for (uint32_t t = 0u; (t < ticks) && ((status >= 0) || (tdc_is_lost(status) != 0u)); ++t) {
         controller_input input;
         (void)memset(&input, 0, sizeof input);
         draw_input(&g, r, &m, &input);
@@ -580,7 +623,7 @@ static void run_config(rig *const r, reader *const from)
 
 static void run(rig *const r, reader *const from)
 {
-    generator g = {1u};
+    generator g = seeded((uint32_t)from->left);
     controller_input input;
     switch (read_byte(from) % 12u) {
     case 0u:

@@ -71,6 +71,10 @@ bool scalar_rule_holds(const scalar *const s, const uint64_t bits)
         return integer != INT32_MIN;
     case RULE_DISPLACEMENT:
         return (integer >= 1) && (integer < 0x40000000);
+    case RULE_LOST_TICKS:
+        return (bits >= 1u) && (bits <= most_lost_ticks);
+    case RULE_SWITCH:
+        return bits <= 1u;
     case RULE_ON_ERROR:
         return (bits == TDC_HOLD_TORQUE) || (bits == TDC_ZERO_TORQUE);
     case RULE_IDENTITY:

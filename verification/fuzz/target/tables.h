@@ -20,6 +20,8 @@ typedef enum {
     RULE_RATIO,         /* > 0, <= 1 */
     RULE_ABOVE_MINUS_1, /* a - 1 in Q31, above -1 */
     RULE_DISPLACEMENT,  /* 1 to 2^30 - 1 */
+    RULE_LOST_TICKS,    /* 1 to most_lost_ticks */
+    RULE_SWITCH,        /* 0 or 1 */
     RULE_ON_ERROR,      /* TDC_HOLD_TORQUE or TDC_ZERO_TORQUE */
     RULE_IDENTITY,      /* as in the default configuration */
     RULE_ELSEWHERE,     /* one that these tables don't know */
@@ -38,8 +40,10 @@ typedef struct {
     scalar_type type;
     scalar_rule rule;
     scalar_memory memory;
-    bool starts;           /* the first tick reads it; the rest of a memory it works out itself */
-    bool changed_by_error; /* the header says that an error changes it */
+    bool starts;  /* of the last good tick's memory: the first tick reads it */
+    bool resumes; /* likewise: a tick after lost ones reads it */
+    bool latest;  /* of the other memory: the reading at the last tick, where that was lost */
+    bool counter; /* of lost ticks: read where the last one was lost, or there was none */
 } scalar;
 
 /** The numbers of a structure, and its size as the description has it. */
@@ -60,6 +64,9 @@ extern const size_t status_count;
 /** The smallest and the largest phase that init and step set. */
 extern const uint32_t first_phase;
 extern const uint32_t last_phase;
+
+/** How many lost ticks in a row a configuration may allow. */
+extern const uint32_t most_lost_ticks;
 
 /** Any bits may stand in state and configuration: no operation on them is undefined in C. */
 extern const bool takes_any_bits;
