@@ -64,9 +64,16 @@ MUTANTS = [
     ),
     (
         "puma3",
-        "        error_torque(config, state, torque_Nm);\n",
-        "        error_torque(config, state, torque_Nm);\n        state->saturated_joints = 7u;\n",
-        "an error leaves the state as it was",
+        "    ++state->lost_ticks;\n",
+        "    ++state->lost_ticks;\n    state->saturated_joints = 7u;\n",
+        "a lost tick saturates nothing",
+    ),
+    (
+        "puma3",
+        "    ++state->lost_ticks;\n",
+        "    ++state->lost_ticks;\n"
+        "    state->joint[1].tick[state->phase & 1u].applied_torque_Nm += 1.0f;\n",
+        "an error leaves the law's memory as it was",
     ),
     (
         "puma3",

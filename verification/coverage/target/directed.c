@@ -186,22 +186,85 @@ static void torques_are_limited(void)
     }
 }
 
-static void jumps_change_nothing(void)
+/* The memory of the last good tick is where it was, and one more tick is lost. */
+static void check_lost(const bench *const b, const uint32_t phase, const uint32_t ticks)
+{
+    CHECK((b->state.phase & 1u) == (phase & 1u));
+    CHECK((phase == TDC_PHASE_START) == (b->state.phase == TDC_PHASE_START));
+    CHECK(b->state.lost_ticks == ticks);
+    CHECK(has_torques(b, (controller_number)0) != 0u);
+}
+
+static void jumps_are_lost_ticks(void)
 {
     for (uint32_t i = 0u; i < (8u * JOINTS); ++i) {
         const uint32_t j = i / 8u;
         bench b = standing(((i & 1u) != 0u) ? 2u : 0u);
         b.config.on_error = ((i & 2u) != 0u) ? TDC_ZERO_TORQUE : TDC_HOLD_TORQUE;
         const int32_t too_far = b.config.joint[j].max_displacement + 1;
-        b.input.counts[j] = ((i & 4u) != 0u) ? too_far : -too_far;
         const uint32_t phase = b.state.phase;
+        b.input.counts[j] = ((i & 4u) != 0u) ? too_far : -too_far;
         CHECK(tick(&b) == TDC_ENCODER_JUMP);
-        CHECK(b.state.phase == phase);
-        CHECK(has_torques(&b, (controller_number)0) != 0u);
+        check_lost(&b, phase, 1u);
+        /* Back again is as far from the latest reading; the law goes on where two agree. */
         b.input.counts[j] = 0;
+        CHECK(tick(&b) == TDC_ENCODER_JUMP);
+        check_lost(&b, phase, 2u);
         CHECK(tick(&b) == TDC_OK);
         CHECK(has_torques(&b, (controller_number)0) != 0u);
     }
+}
+
+/* Plausible beside each other, but too far from where the robot was. */
+static void the_law_does_not_go_on_too_far_away(void)
+{
+    bench b = standing(2u);
+    b.input.counts[0] = 3 * b.config.joint[0].max_displacement;
+    CHECK(tick(&b) == TDC_ENCODER_JUMP);
+    CHECK(tick(&b) == TDC_ENCODER_JUMP);
+    CHECK(tick(&b) >= TDC_OK);
+}
+
+static void abrupt_changes_are_lost_ticks(void)
+{
+    for (int32_t sign = -1; sign <= 1; sign += 2) {
+        bench b = standing(2u);
+        b.input.counts[0] = sign * (b.config.joint[0].max_displacement_change + 1);
+        CHECK(tick(&b) == TDC_ENCODER_JUMP);
+        b = standing(2u);
+        b.input.counts[0] = sign * b.config.joint[0].max_displacement_change;
+        b.input.reference_position_q8[0] = b.input.counts[0] * 256;
+        CHECK(tick(&b) >= TDC_OK);
+    }
+}
+
+static void too_many_lost_ticks_stop_it(void)
+{
+    for (uint32_t ticks = 0u; ticks < 3u; ++ticks) {
+        bench b = standing(ticks);
+        b.config.max_lost_ticks = 2u;
+        b.input.REFERENCE_VELOCITY[0] = REFUSED_NUMBER;
+        CHECK(tick(&b) == REFUSED);
+        CHECK(tick(&b) == REFUSED);
+        CHECK(tick(&b) == TDC_STOPPED);
+        b.input.REFERENCE_VELOCITY[0] = (controller_number)0;
+        CHECK(tick(&b) == TDC_STOPPED);
+        CHECK(has_torques(&b, (controller_number)0) != 0u);
+        CHECK(controller_init(&b.config, &b.state, b.counts, b.holding) == TDC_OK);
+        CHECK(tick(&b) == TDC_OK);
+    }
+}
+
+/*
+ * Where the limit is so wide that no multiple of it is one. In fixed-point no configuration that
+ * check_config takes goes there: what the step does with this one is defined, that is all.
+ */
+static void the_widest_limits_have_no_multiple(void)
+{
+    bench b = standing(0u);
+    b.config.joint[0].max_displacement = 0x100000;
+    b.input.counts[0] = 0x100001;
+    CHECK(tick(&b) == TDC_ENCODER_JUMP);
 }
 
 /* A jump beside a torque at its limit, beside a torque within it, and beside what is refused. */
@@ -278,6 +341,8 @@ static void shared_functions(void)
     CHECK((tdc_is_finite(1.0f) == 1u) && (tdc_is_finite(infinity) == 0u));
     CHECK(((tdc_beyond(1.0f, 2.0f) >> 31u) == 1u) && ((tdc_beyond(1.0f, -1.0f) >> 31u) == 0u));
     CHECK(tdc_difference(INT32_MIN, INT32_MAX) == 1);
+    CHECK((tdc_is_lost(TDC_ENCODER_JUMP) & tdc_is_lost(TDC_NOT_FINITE)) == 1u);
+    CHECK((tdc_is_lost(TDC_OUT_OF_RANGE) == 1u) && (tdc_is_lost(TDC_STOPPED) == 0u));
 
     tdc_exponent exponent = {77};
     CHECK(tdc_exponent_set(NULL, 1.0f) == TDC_BAD_CONFIG);
@@ -465,7 +530,11 @@ int main(void)
     starts();
     configurations();
     torques_are_limited();
-    jumps_change_nothing();
+    jumps_are_lost_ticks();
+    the_law_does_not_go_on_too_far_away();
+    abrupt_changes_are_lost_ticks();
+    too_many_lost_ticks_stop_it();
+    the_widest_limits_have_no_multiple();
     a_jump_comes_before_other_errors();
     refused_numbers_change_nothing();
     the_last_torque_is_held();
