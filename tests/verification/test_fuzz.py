@@ -30,7 +30,7 @@ def test_fuzzing_finds_nothing(tmp_path: Path, name: str) -> None:
     done = run(fuzzer, SECONDS / len(CONTROLLERS))
     assert done.finding is None
     # A fuzzer whose every tick is an error, or whose every configuration is refused, tests little.
-    assert done.good > done.steps_taken / 2 > 1000
+    assert done.good > done.steps_taken / 4 > 1000
     assert done.steps["TDC_OK"] > 0
     assert done.steps["TDC_SATURATED"] > 0
     assert min(done.taken, done.refused) > 0
@@ -59,8 +59,14 @@ MUTANTS = [
     (
         "puma3",
         "torque_Nm[i] = state->joint[i].tick[state->phase & 1u].applied_torque_Nm;",
-        "torque_Nm[i] = state->joint[i].tick[0].applied_torque_Nm;",
+        "torque_Nm[i] = 0.5f * state->joint[i].tick[state->phase & 1u].applied_torque_Nm;",
         "after an error the torque is the last good one, if that is asked for",
+    ),
+    (
+        "puma3",
+        "torque_Nm[i] = state->joint[i].tick[state->phase & 1u].applied_torque_Nm;",
+        "torque_Nm[i] = state->joint[i].tick[0].applied_torque_Nm;",
+        "the same tick gives the same bits",
     ),
     (
         "puma3",
@@ -72,7 +78,7 @@ MUTANTS = [
         "puma3",
         "    ++state->lost_ticks;\n",
         "    ++state->lost_ticks;\n"
-        "    state->joint[1].tick[state->phase & 1u].applied_torque_Nm += 1.0f;\n",
+        "    state->joint[1].tick[state->phase & 1u].sliding_integral_rad_per_s = 7.0f;\n",
         "an error leaves the law's memory as it was",
     ),
     (
