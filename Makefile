@@ -14,6 +14,10 @@ CONTROLLER ?=
 EXPERIMENT ?= Exp08
 # The robot that `make tune` and `make autotune` tune on, and `make tuning-check` flies.
 PLANT ?= reference_flexible
+# How long `make fuzz` takes in all, besides compiling; it goes on until every controller has taken
+# STEPS steps, such as 1e8.
+MINUTES ?= 5
+STEPS ?= 0
 # More words for pytest: make test PYTEST_ARGS="-k sig_pow -x".
 PYTEST_ARGS ?=
 # `make lock UPGRADE=1` moves the pinned versions forward; without it they stay where they can.
@@ -134,6 +138,18 @@ chain: setup
 	@tools/system_tools.sh test firmware
 	@$(run) -m verification chain
 
+## The generated C under libFuzzer, ASan and UBSan: make fuzz MINUTES=60, or STEPS=1e8
+.PHONY: fuzz
+fuzz: setup
+	@tools/system_tools.sh fuzz
+	@$(run) -m verification fuzz --minutes $(MINUTES) --steps $(STEPS)
+
+## Directed tests of the generated C: every branch (gcovr), every condition (MC/DC, clang)
+.PHONY: coverage
+coverage: setup
+	@tools/system_tools.sh fuzz
+	@$(run) -m verification coverage
+
 ## Count a step's instructions, flash and stack on each processor; measure the plants' pace
 .PHONY: bench
 bench: setup
@@ -144,7 +160,7 @@ bench: setup
 ## Run the tests; narrow them with PYTEST_ARGS="-k WORD"
 .PHONY: test
 test: setup
-	@tools/system_tools.sh test firmware
+	@tools/system_tools.sh test firmware fuzz
 	@$(run) -m pytest --numprocesses auto $(PYTEST_ARGS)
 
 ## Check style, types and C rules: ruff, mypy, clang-format, clang-tidy, cppcheck (MISRA), gcc

@@ -381,7 +381,8 @@ def _path_of_base(path: Path, base: str) -> Path:
 def _as_written(path: Path) -> RobotFile:
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:
+        # Also bytes that aren't UTF-8, numbers of too many digits, and nests that are too deep.
         raise RobotError(f"{path.name}: no valid TOML: {error}") from error
     try:
         return RobotFile.model_validate(data)

@@ -361,7 +361,8 @@ def read_scenario(scenario: str | Path) -> Scenario:
         known = f"write the path of a .toml file, or one of {', '.join(scenario_names())}"
         problem = Problem("scenario", show(str(scenario)), "a file that is there", known)
         raise SpecificationError(str(scenario), [problem]) from error
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:
+        # Also bytes that aren't UTF-8, numbers of too many digits, and nests that are too deep.
         problem = Problem("scenario", path.name, "valid TOML", str(error))
         raise SpecificationError(path.name, [problem]) from error
     try:

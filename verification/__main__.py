@@ -41,6 +41,8 @@ COMMANDS = {
     "workspace": "the eigenvalues of M(q)^-1 Mbar at every q, for condition (33): proved, checked",
     "equivalence": "the generated C against the law in double",
     "chain": "the exact law, CasADi in double, the C on the host and on each emulated target",
+    "fuzz": "the generated C under libFuzzer, ASan and UBSan, held to its header's contract",
+    "coverage": "directed tests of the generated C: every branch, and MC/DC",
     "accuracy": "Table II flown in float32, float64 and fixed-point, several times each",
     "sig-pow": "the error of sig_pow for every float and every exponent, proved and checked",
     "symbolic": "the proofs in computer algebra",

@@ -164,7 +164,8 @@ def read(path: Path) -> CampaignSpecification:
     except OSError as error:
         problem = Problem("the file", str(path), "it can be read", f"{error.strerror}: check it")
         raise SpecificationError(str(path), [problem]) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
+        # Also bytes that aren't UTF-8, numbers of too many digits, and nests that are too deep.
         problem = Problem("the file", str(path), "valid TOML", str(error))
         raise SpecificationError(str(path), [problem]) from error
     return validate(data, str(path))

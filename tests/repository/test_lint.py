@@ -69,7 +69,7 @@ def lint(tree: Path) -> tuple[Outcome, set[str]]:
 def test_good_c_passes_every_check(tree: Path) -> None:
     outcome, failed = lint(tree)
     assert (outcome.status, failed) == (0, set()), outcome.output
-    assert "lint: 5 checks passed, 0 failed" in outcome.output
+    assert "lint: 6 checks passed, 0 failed" in outcome.output
 
 
 @pytest.mark.parametrize(
@@ -78,6 +78,13 @@ def test_good_c_passes_every_check(tree: Path) -> None:
         ("    return bits;", "  return bits;", "clang-format", "clang-formatted"),
         ("gain * (float)counts", "(gain * (float)counts) * 1.0", "gcc warnings", "double"),
         ("gain * (float)counts", "gain * counts", "gcc warnings", "conversion"),
+        (
+            "    return bits;",
+            "    const uint32_t *const nowhere = NULL;\n    if (bits > 7U) {\n"
+            "        bits = *nowhere;\n    }\n    return bits;",
+            "gcc -fanalyzer",
+            "dereference of NULL",
+        ),
         # One exit only: a rule that none of the other tools has.
         (
             "    return bits;",

@@ -29,8 +29,8 @@ class Output:
     progress: Console
 
     @contextmanager
-    def bar(self, says: str, total: int) -> Iterator[Callable[[int], None]]:
-        """A progress bar; yields what moves it on."""
+    def bar(self, says: str, total: int | None) -> Iterator[Callable[[int], None]]:
+        """A progress bar, endless where there is no total; yields what moves it on."""
         columns = (
             TextColumn("{task.description}"),
             BarColumn(),
