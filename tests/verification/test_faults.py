@@ -185,10 +185,12 @@ def test_a_lasting_stop_is_ended_after_the_reaction(slow: Ground) -> None:
     assert np.abs(flown.seen_error_rad[-1]).max() < 1e-3
 
 
-def test_without_being_led_back_the_torque_saturates_longer(slow: Ground) -> None:
-    led, left = (_flown(slow, "dropout 50", replan=replan) for replan in (True, False))
-    saturated = [int(np.count_nonzero(each.status == Status.SATURATED)) for each in (led, left)]
-    assert saturated[0] != saturated[1]
+def test_led_back_from_far_away_no_second_of_saturation_is_needed(slow: Ground) -> None:
+    """With the encoder's zero 37 deg off, the law alone would run there at full torque."""
+    led, left = (
+        try_fault(slow, BY_NAME["jump 100000"], DEFAULT, replan=replan) for replan in (True, False)
+    )
+    assert led.saturated_ticks < 0.3 * left.saturated_ticks
 
 
 def test_a_reference_is_led_back_from_where_the_robot_is(slow: Ground) -> None:
@@ -208,7 +210,9 @@ def test_a_reference_is_led_back_from_where_the_robot_is(slow: Ground) -> None:
         (back.acceleration_rad_per_s2, back.velocity_rad_per_s),
     ):
         slope = (of[2:] - of[:-2]) / (2 * TICK_S)
-        np.testing.assert_allclose(rates[1:-1], slope, atol=2e-3)
+        # Where it ends its third derivative steps.
+        smooth = np.abs(np.arange(1, len(of) - 1) - ends) > 2
+        np.testing.assert_allclose(rates[1:-1][smooth], slope[smooth], atol=2e-3)
 
 
 def test_a_reset_that_knows_the_torque_has_no_bump(slow: Ground) -> None:
@@ -283,8 +287,10 @@ def test_the_table_is_complete(result: Result) -> None:
     for line in standing.lines:
         assert line.scores.keys() == {guard.name for guard in GUARDS}
         row = present.cells(line)
-        assert len(row) == len(present.table_of(standing).columns)
+        assert len(row) == len(present.COLUMNS)
         assert all(len(cell.split()) == len(present.SIDE_BY_SIDE) for cell in row[3:])
+    for table in present.tables_of(standing):
+        assert table.row_count == len(SMALL.faults)
     cells = {line.fault: present.cells(line) for line in standing.lines}
     assert cells["wrap"][1] == "none"
     assert cells["missed 1"][1:3] == ("jump 1", "1")
@@ -294,8 +300,9 @@ def test_the_table_is_complete(result: Result) -> None:
 
 def test_sentences_tell_what_a_guard_is_worth(result: Result) -> None:
     told = present.findings(result)
-    assert any("the guards as shipped" in s and "missed 1" in s.split("larger")[0] for s in told)
-    assert "LuGre x2: no status tells of wrap in every run." in told
+    smaller = "the guards as shipped beside none: torque step so many times smaller: missed 1"
+    assert any(smaller in sentence for sentence in told)
+    assert "LuGre x2: no status in every run: wrap." in told
 
 
 def test_the_picture_is_the_same_every_time(tmp_path: Path) -> None:

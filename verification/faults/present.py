@@ -37,6 +37,9 @@ PICTURE = RESULTS / "faults.svg"
 SIDE_BY_SIDE = (NONE, DEFAULT, TIGHT)
 """The guards of the tables; what anti-windup is worth stands in a sentence."""
 
+HUGE = 1e3
+"""Stands for the ratio of a run that diverged."""
+
 BETTER = 1.25
 """Figures that differ by less than this factor are told apart by chance as well."""
 
@@ -44,31 +47,51 @@ BETTER = 1.25
 # --- Tables ------------------------------------------------------------------------------------
 
 
-def table_of(standing: Standing) -> Table:
-    """One plant's faults; three figures in a cell are without guards, as shipped, and tight."""
+COLUMNS = (
+    "fault",
+    "status, after ticks",
+    "lost",
+    "torque [%]",
+    "torque step [%]",
+    "peak error [deg]",
+    "back [s]",
+)
+
+
+def tables_of(standing: Standing) -> tuple[Table, Table]:
+    """One plant's faults: how the shipped C took them, and the same with each guard."""
     peaks = " ".join(f"{peak:.4f}" for peak in standing.nominal_peak_error_deg)
-    table = Table(
-        box=None,
-        pad_edge=False,
-        title=f"{standing.case.name}: {standing.case.meaning}; peak error without a fault {peaks}",
-        title_justify="left",
+    case = standing.case
+    shipped = _table(f"{case.name}: {case.meaning}", COLUMNS)
+    shipped.caption = f"peak errors without a fault, by joint: {peaks} deg"
+    beside = _table(
+        f"{case.name}: {', '.join(guard.name for guard in SIDE_BY_SIDE)}",
+        (COLUMNS[0], *COLUMNS[4:]),
     )
-    table.add_column("fault", no_wrap=True)
-    table.add_column("status, after ticks", overflow="fold")
-    table.add_column("lost", justify="right")
-    for column in ("torque [%]", "torque step [%]", "peak error [deg]", "back [s]"):
-        table.add_column(column, no_wrap=True, justify="right")
     for line in standing.lines:
-        table.add_row(*cells(line))
+        shipped.add_row(*cells(line, (DEFAULT,)))
+        compared = cells(line)
+        beside.add_row(compared[0], *compared[4:])
+    return shipped, beside
+
+
+def _table(title: str, columns: Sequence[str]) -> Table:
+    table = Table(
+        box=None, pad_edge=False, title=title, title_justify="left", caption_justify="left"
+    )
+    for column in columns:
+        words = column in COLUMNS[:2]
+        table.add_column(column, no_wrap=column != COLUMNS[1], justify="left" if words else "right")
     return table
 
 
-def cells(line: Line) -> tuple[str, ...]:
+def cells(line: Line, guards: Sequence[Guard] = SIDE_BY_SIDE) -> tuple[str, ...]:
     """A fault's row: how the shipped C took it, then the figures with each guard side by side."""
-    scores, shipped = _side_by_side(line), line.scores[DEFAULT.name]
+    shipped = line.scores[DEFAULT.name]
+    scores = [line.scores[guard.name] for guard in guards]
     return (
         line.fault,
-        _noticed(shipped),
+        _told(shipped),
         f"{shipped.lost_ticks}",
         " ".join(f"{100 * score.peak_torque:.0f}" for score in scores),
         " ".join(f"{100 * score.peak_torque_step:.0f}" for score in scores),
@@ -77,23 +100,28 @@ def cells(line: Line) -> tuple[str, ...]:
     )
 
 
-def _side_by_side(line: Line) -> tuple[Score, ...]:
-    return tuple(line.scores[guard.name] for guard in SIDE_BY_SIDE)
+_WORDS = {
+    "ENCODER_JUMP": "jump",
+    "NOT_FINITE": "not finite",
+    "OUT_OF_RANGE": "range",
+    "SATURATED": "saturated",
+    "STOPPED": "stopped",
+}
 
 
-def _noticed(score: Score) -> str:
-    """The statuses, after how many ticks, and in how many attempts if not in all."""
+def _told(score: Score) -> str:
+    """The statuses, after how many ticks, and in how many runs if not in all."""
     if not score.statuses:
         return "none"
-    names = [status.removeprefix("ENCODER_").lower() for status in score.statuses]
-    told = f"{', '.join(names)} {score.after_ticks}"
+    told = f"{', '.join(_WORDS[status] for status in score.statuses)} {score.after_ticks}"
     if score.noticed == score.attempts:
         return told
     return f"{told} ({score.noticed} of {score.attempts})" if score.noticed else f"{told} (late)"
 
 
 def _error(error_deg: float) -> str:
-    return f"{error_deg:.3f}" if error_deg < 1.0 else f"{error_deg:.1f}"
+    """Two figures, but no power of ten."""
+    return f"{error_deg:.0f}" if error_deg >= 10.0 else f"{error_deg:.2g}"
 
 
 def _back(score: Score) -> str:
@@ -145,9 +173,9 @@ class Comparison:
 
 
 COMPARISONS = (
-    Comparison(DEFAULT, NONE, "the guards as shipped"),
+    Comparison(DEFAULT, NONE, "the guards as shipped beside none"),
     Comparison(TIGHT, DEFAULT, "a tight limit beside the shipped one"),
-    Comparison(DEFAULT, WINDUP, "anti-windup"),
+    Comparison(DEFAULT, WINDUP, "with anti-windup"),
 )
 _FIGURES: dict[str, Callable[[Score], float]] = {
     "peak error": lambda score: score.peak_error_deg,
@@ -155,53 +183,60 @@ _FIGURES: dict[str, Callable[[Score], float]] = {
 }
 
 
+LARGE_DEG = 1.0
+
+
 def findings(result: Result) -> tuple[str, ...]:
     """What the figures show, in sentences made from them."""
     return tuple(
-        sentence
+        f"{standing.case.name}: {sentence}"
         for standing in result.standings
         for sentence in (
-            *(_compared(standing, each) for each in COMPARISONS),
-            _not_noticed(standing),
+            *(
+                sentence
+                for comparison in COMPARISONS
+                for what, figure in _FIGURES.items()
+                for sentence in _compared(standing, comparison, what, figure)
+            ),
+            *_left(standing),
+            *_not_noticed(standing),
         )
     )
 
 
-def _compared(standing: Standing, comparison: Comparison) -> str:
-    parts = [
-        f"{what} {_factors(standing.lines, comparison, figure)}"
-        for what, figure in _FIGURES.items()
-    ]
-    return f"{standing.case.name}, {comparison.says}: {'; '.join(parts)}."
-
-
-def _factors(
-    lines: Sequence[Line], comparison: Comparison, figure: Callable[[Score], float]
-) -> str:
+def _compared(
+    standing: Standing, comparison: Comparison, what: str, figure: Callable[[Score], float]
+) -> tuple[str, ...]:
     """Where the guard makes a figure smaller or larger, and how many times."""
-    ratios = {line.fault: _ratio(line, comparison, figure) for line in lines}
+    ratios = {line.fault: _ratio(line, comparison, figure) for line in standing.lines}
     smaller = [f"{name} {1 / r:.1f}" for name, r in ratios.items() if r < 1 / BETTER]
     larger = [f"{name} {r:.1f}" for name, r in ratios.items() if r > BETTER]
-    return (
-        f"times smaller in {', '.join(smaller) or 'none'}, times larger in "
-        f"{', '.join(larger) or 'none'}, the same in {len(ratios) - len(smaller) - len(larger)}"
+    return tuple(
+        f"{comparison.says}: {what} so many times {how}: {', '.join(names)}."
+        for how, names in (("smaller", smaller), ("larger", larger))
+        if names
     )
 
 
 def _ratio(line: Line, comparison: Comparison, figure: Callable[[Score], float]) -> float:
     mine, other = (figure(line.scores[g.name]) for g in (comparison.guard, comparison.beside))
-    if not math.isfinite(other):
-        return 1.0 if not math.isfinite(mine) else 0.0
-    return mine / other
+    if math.isfinite(mine) and math.isfinite(other):
+        return mine / other
+    return 1.0 if mine == other else HUGE if math.isinf(mine) else 1 / HUGE
 
 
-def _not_noticed(standing: Standing) -> str:
-    silent = [
-        line.fault
-        for line in standing.lines
-        if line.scores[DEFAULT.name].noticed < line.scores[DEFAULT.name].attempts
-    ]
-    return f"{standing.case.name}: no status tells of {', '.join(silent) or 'none'} in every run."
+def _left(standing: Standing) -> tuple[str, ...]:
+    errors = {line.fault: line.scores[DEFAULT.name].peak_error_deg for line in standing.lines}
+    large = [f"{name} {_error(error)}" for name, error in errors.items() if error > LARGE_DEG]
+    if not large:
+        return ()
+    return (f"more than {LARGE_DEG:g} deg off with the guards as shipped: {', '.join(large)}.",)
+
+
+def _not_noticed(standing: Standing) -> tuple[str, ...]:
+    scores = {line.fault: line.scores[DEFAULT.name] for line in standing.lines}
+    silent = [name for name, score in scores.items() if score.noticed < score.attempts]
+    return (f"no status in every run: {', '.join(silent)}.",) if silent else ()
 
 
 # --- Figures and picture -----------------------------------------------------------------------
@@ -323,8 +358,9 @@ def chosen(arguments: argparse.Namespace) -> Sequence[Case]:
 def show(result: Result, console: Console) -> None:
     """Prints everything for a person."""
     for standing in result.standings:
-        console.print(table_of(standing))
-        console.print()
+        for table in tables_of(standing):
+            console.print(table)
+            console.print()
     for sentence in (*notes(), *findings(result)):
         console.print(sentence, markup=False)
     console.print(f"picture: {PICTURE}", markup=False)
