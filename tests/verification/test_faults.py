@@ -300,9 +300,19 @@ def test_the_table_is_complete(result: Result) -> None:
 
 def test_sentences_tell_what_a_guard_is_worth(result: Result) -> None:
     told = present.findings(result)
-    smaller = "the guards as shipped beside none: torque step so many times smaller: missed 1"
+    smaller = "Guards as shipped beside none: torque step so many times smaller: missed 1"
     assert any(smaller in sentence for sentence in told)
-    assert "LuGre x2: no status in every run: wrap." in told
+    assert "No status tells of it in every run: wrap." in told
+    (standing,) = result.standings
+    other = replace(
+        standing,
+        lines=tuple(
+            replace(line, scores=dict.fromkeys(line.scores, line.scores["default"]))
+            for line in standing.lines
+        ),
+    )
+    both = present.findings(replace(result, standings=(standing, other)))
+    assert any("missed 1" in sentence and "(1 of 2)" in sentence for sentence in both)
 
 
 def test_the_picture_is_the_same_every_time(tmp_path: Path) -> None:

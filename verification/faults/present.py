@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 
+from codegen.status import Status
 from verification.evidence import RESULTS, plain
 from verification.faults.campaign import Line, Result, Standing
 from verification.faults.cases import (
@@ -37,8 +38,8 @@ PICTURE = RESULTS / "faults.svg"
 SIDE_BY_SIDE = (NONE, DEFAULT, TIGHT)
 """The guards of the tables; what anti-windup is worth stands in a sentence."""
 
-HUGE = 1e3
-"""Stands for the ratio of a run that diverged."""
+TINY = 1e-3
+"""Stands for the ratio to a run that diverged."""
 
 BETTER = 1.25
 """Figures that differ by less than this factor are told apart by chance as well."""
@@ -51,10 +52,10 @@ COLUMNS = (
     "fault",
     "status, after ticks",
     "lost",
-    "torque [%]",
-    "torque step [%]",
-    "peak error [deg]",
-    "back [s]",
+    "torque %",
+    "step %",
+    "error deg",
+    "back s",
 )
 
 
@@ -80,8 +81,11 @@ def _table(title: str, columns: Sequence[str]) -> Table:
         box=None, pad_edge=False, title=title, title_justify="left", caption_justify="left"
     )
     for column in columns:
-        words = column in COLUMNS[:2]
-        table.add_column(column, no_wrap=column != COLUMNS[1], justify="left" if words else "right")
+        if column == COLUMNS[1]:
+            table.add_column(column, overflow="fold", min_width=18)
+        else:
+            justify: Literal["left", "right"] = "left" if column == COLUMNS[0] else "right"
+            table.add_column(column, no_wrap=True, justify=justify)
     return table
 
 
@@ -101,19 +105,20 @@ def cells(line: Line, guards: Sequence[Guard] = SIDE_BY_SIDE) -> tuple[str, ...]
 
 
 _WORDS = {
-    "ENCODER_JUMP": "jump",
-    "NOT_FINITE": "not finite",
-    "OUT_OF_RANGE": "range",
-    "SATURATED": "saturated",
-    "STOPPED": "stopped",
+    Status.ENCODER_JUMP: "jump",
+    Status.NOT_FINITE: "nan",
+    Status.OUT_OF_RANGE: "range",
+    Status.SATURATED: "sat",
+    Status.STOPPED: "stop",
 }
+_OF_NAMES = {status.name: word for status, word in _WORDS.items()}
 
 
 def _told(score: Score) -> str:
     """The statuses, after how many ticks, and in how many runs if not in all."""
     if not score.statuses:
         return "none"
-    told = f"{', '.join(_WORDS[status] for status in score.statuses)} {score.after_ticks}"
+    told = f"{', '.join(_OF_NAMES[name] for name in score.statuses)} {score.after_ticks}"
     if score.noticed == score.attempts:
         return told
     return f"{told} ({score.noticed} of {score.attempts})" if score.noticed else f"{told} (late)"
@@ -143,11 +148,14 @@ def notes() -> tuple[str, ...]:
         + "; ".join(f"{guard.name}: {guard.meaning}" for guard in GUARDS)
         + ". Of three figures the first is without guards, the second as shipped, the third tight. "
         "In fixed-point the speed limit stays: its numbers have no room for other speeds.",
-        "A status is the shipped controller's, with the ticks from the beginning of the fault to "
+        ", ".join(f"{word}: TDC_{status.name}" for status, word in _WORDS.items())
+        + ": the shipped controller's, with the ticks from the beginning of the fault to "
         "the first that is not TDC_OK; (late): not until the fault was over.",
         "Torque and torque step: the largest, over the drive's limit; a step is from one tick to "
         f"the next. The error is that of the joints themselves, until {HORIZON_S:g} s after the "
         "fault began.",
+        "Sentences: least to most over all plants that flew a fault, (2 of 6) where it holds on so "
+        "many of them only.",
         "Back: from the end of the fault, of a lasting one from its beginning, until every error "
         f"stays within {NOMINAL:g} times the largest without a fault; in brackets by the encoders "
         "only, whose zero stays off.",
@@ -173,9 +181,9 @@ class Comparison:
 
 
 COMPARISONS = (
-    Comparison(DEFAULT, NONE, "the guards as shipped beside none"),
-    Comparison(TIGHT, DEFAULT, "a tight limit beside the shipped one"),
-    Comparison(DEFAULT, WINDUP, "with anti-windup"),
+    Comparison(DEFAULT, NONE, "Guards as shipped beside none"),
+    Comparison(TIGHT, DEFAULT, "A tight limit beside the shipped one"),
+    Comparison(DEFAULT, WINDUP, "Anti-windup beside none"),
 )
 _FIGURES: dict[str, Callable[[Score], float]] = {
     "peak error": lambda score: score.peak_error_deg,
@@ -187,56 +195,65 @@ LARGE_DEG = 1.0
 
 
 def findings(result: Result) -> tuple[str, ...]:
-    """What the figures show, in sentences made from them."""
-    return tuple(
-        f"{standing.case.name}: {sentence}"
-        for standing in result.standings
-        for sentence in (
-            *(
-                sentence
-                for comparison in COMPARISONS
-                for what, figure in _FIGURES.items()
-                for sentence in _compared(standing, comparison, what, figure)
-            ),
-            *_left(standing),
-            *_not_noticed(standing),
-        )
+    """What the figures show, in sentences made from them: over all plants, least to most."""
+    compared = (
+        sentence
+        for comparison in COMPARISONS
+        for what, figure in _FIGURES.items()
+        for sentence in _compared(result, comparison, what, figure)
+    )
+    large = _everywhere(result, lambda line: line.scores[DEFAULT.name].peak_error_deg, LARGE_DEG)
+    silent = _everywhere(result, _silent, 0.0, spread=False)
+    return (
+        *compared,
+        f"More than {LARGE_DEG:g} deg off with the guards as shipped: {large or 'none'}.",
+        f"No status tells of it in every run: {silent or 'none'}.",
     )
 
 
 def _compared(
-    standing: Standing, comparison: Comparison, what: str, figure: Callable[[Score], float]
+    result: Result, comparison: Comparison, what: str, figure: Callable[[Score], float]
 ) -> tuple[str, ...]:
     """Where the guard makes a figure smaller or larger, and how many times."""
-    ratios = {line.fault: _ratio(line, comparison, figure) for line in standing.lines}
-    smaller = [f"{name} {1 / r:.1f}" for name, r in ratios.items() if r < 1 / BETTER]
-    larger = [f"{name} {r:.1f}" for name, r in ratios.items() if r > BETTER]
+
+    def ratio(line: Line) -> float:
+        mine, other = (figure(line.scores[g.name]) for g in (comparison.guard, comparison.beside))
+        if math.isfinite(mine) and math.isfinite(other):
+            return mine / other
+        return 1.0 if mine == other else math.inf if math.isinf(mine) else 0.0
+
+    smaller = _everywhere(result, lambda line: 1.0 / max(ratio(line), TINY), BETTER)
+    larger = _everywhere(result, ratio, BETTER)
     return tuple(
-        f"{comparison.says}: {what} so many times {how}: {', '.join(names)}."
+        f"{comparison.says}: {what} so many times {how}: {names}."
         for how, names in (("smaller", smaller), ("larger", larger))
         if names
     )
 
 
-def _ratio(line: Line, comparison: Comparison, figure: Callable[[Score], float]) -> float:
-    mine, other = (figure(line.scores[g.name]) for g in (comparison.guard, comparison.beside))
-    if math.isfinite(mine) and math.isfinite(other):
-        return mine / other
-    return 1.0 if mine == other else HUGE if math.isinf(mine) else 1 / HUGE
+def _silent(line: Line) -> float:
+    """Runs in which no status told of the fault while it lasted."""
+    score = line.scores[DEFAULT.name]
+    return float(score.attempts - score.noticed)
 
 
-def _left(standing: Standing) -> tuple[str, ...]:
-    errors = {line.fault: line.scores[DEFAULT.name].peak_error_deg for line in standing.lines}
-    large = [f"{name} {_error(error)}" for name, error in errors.items() if error > LARGE_DEG]
-    if not large:
-        return ()
-    return (f"more than {LARGE_DEG:g} deg off with the guards as shipped: {', '.join(large)}.",)
-
-
-def _not_noticed(standing: Standing) -> tuple[str, ...]:
-    scores = {line.fault: line.scores[DEFAULT.name] for line in standing.lines}
-    silent = [name for name, score in scores.items() if score.noticed < score.attempts]
-    return (f"no status in every run: {', '.join(silent)}.",) if silent else ()
+def _everywhere(
+    result: Result, figure: Callable[[Line], float], beyond: float, *, spread: bool = True
+) -> str:
+    """The faults that have a figure beyond a bound, its spread, and on how many plants."""
+    values: dict[str, list[float]] = {}
+    for standing in result.standings:
+        for line in standing.lines:
+            values.setdefault(line.fault, []).append(figure(line))
+    told = []
+    for name, all_of_them in values.items():
+        there = [value for value in all_of_them if value > beyond]
+        if there:
+            least, most = (f"{value:.2g}" for value in (min(there), max(there)))
+            span = "" if not spread else f" {least}" if least == most else f" {least} to {most}"
+            few = len(there) < len(all_of_them)
+            told.append(f"{name}{span}" + (f" ({len(there)} of {len(all_of_them)})" if few else ""))
+    return ", ".join(told)
 
 
 # --- Figures and picture -----------------------------------------------------------------------
