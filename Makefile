@@ -132,6 +132,11 @@ special-cases: setup
 rivals: setup
 	@$(run) -m verification rivals
 
+## Faults of encoders, timing, drives and reference in motion, with the C's guards and without
+.PHONY: faults
+faults: setup
+	@$(run) -m verification faults
+
 ## The law exact, in double, in C on the host and on each emulated board, a million steps on each
 .PHONY: chain
 chain: setup

@@ -305,8 +305,8 @@ def run_from(
                 raise ControllerError(k, int(statuses[k]))
             command = commanded[k].astype(np.float64)
         tick.hold(state.command_Nm, delayed)
-        limit = script.torque_limit_Nm[k]
-        tick.hold(np.clip(command, -limit, limit), prompt)
+        limit, share = script.torque_limit_Nm[k], script.torque_share[k]
+        tick.hold(np.clip(share * command, -limit, limit), prompt)
         applied[k], friction[k], state = tick.torque_Nm, tick.friction_Nm, tick.state
         if not np.all(np.isfinite(state.q)):
             raise diverged(plant, k)

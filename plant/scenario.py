@@ -175,6 +175,17 @@ class TorqueLimitEvent(_JointEvent):
         stage.script.torque_limit_Nm[ticks, joints] *= self.factor
 
 
+class TorqueShareEvent(_JointEvent):
+    """Drives that give another torque than they are told: this share of it."""
+
+    kind: Literal["torque-share"]
+    share: FiniteFloat
+
+    def act(self, stage: _Stage) -> None:  # noqa: D102
+        ticks, joints = self.where(stage)
+        stage.script.torque_share[ticks, joints] *= self.share
+
+
 class EncoderNoiseEvent(_JointEvent):
     """Jitter of the encoders' edges beside the robot's own: normal, independent from tick to tick.
 
@@ -217,6 +228,19 @@ class EncoderJumpEvent(_JointEvent):
     def act(self, stage: _Stage) -> None:  # noqa: D102
         ticks, joints = self.where(stage)
         stage.script.shift_counts[ticks, joints] += self.counts
+
+
+class EncoderGarbageEvent(_JointEvent):
+    """Readings that are any number of 32 bits, each as likely, another in each tick."""
+
+    kind: Literal["encoder-garbage"]
+    seed: int = 0
+
+    def act(self, stage: _Stage) -> None:  # noqa: D102
+        ticks, joints = self.where(stage)
+        shift = stage.script.shift_counts
+        # A counter that holds so much too much may hold anything.
+        shift[ticks, joints] += _random(self.seed).integers(0, 2**32, shift.shape)[ticks, joints]
 
 
 class EncoderWrapEvent(_JointEvent):
@@ -272,9 +296,11 @@ Event = Annotated[
     PayloadEvent
     | DisturbanceEvent
     | TorqueLimitEvent
+    | TorqueShareEvent
     | EncoderNoiseEvent
     | EncoderFaultEvent
     | EncoderJumpEvent
+    | EncoderGarbageEvent
     | EncoderWrapEvent
     | MissedTicksEvent
     | LateTicksEvent,

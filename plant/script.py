@@ -60,6 +60,7 @@ class Script:
         reading: a :class:`Reading`, shape (ticks, n).
         noise_counts: jitter of the encoders' edges, shape (ticks, n).
         shift_counts: what the counters hold too much, shape (ticks, n).
+        torque_share: of its command that a drive gives, shape (ticks, n).
         torque_limit_Nm: of the drives, >= 0, shape (ticks, n).
         external_Nm: torque on the links, shape (ticks, n).
         encoder: the plant's, or one whose counters begin elsewhere; the reference is given in its
@@ -74,6 +75,7 @@ class Script:
     reading: NDArray[np.uint8]
     noise_counts: Floats
     shift_counts: NDArray[np.int64]
+    torque_share: Floats
     torque_limit_Nm: Floats
     external_Nm: Floats
     encoder: Encoder
@@ -116,6 +118,7 @@ def uneventful(plant: Plant, reference: Reference, seed: int = 0) -> Script:
         reading=np.full(shape, Reading.COUNTS, dtype=np.uint8),
         noise_counts=np.zeros(shape) if normal is None else sigma * normal(shape),
         shift_counts=np.zeros(shape, dtype=np.int64),
+        torque_share=np.ones(shape),
         torque_limit_Nm=np.tile(plant.drive.torque_limit_Nm, (ticks, 1)),
         external_Nm=np.zeros(shape),
         encoder=plant.encoder,

@@ -31,6 +31,7 @@ COMMANDS = {
     "figures": "the paper's figures from the project's own data, for print and for a page",
     "claim": "how far Table II holds on random plants, as `make claim` flew them",
     "rivals": "PID, computed torque, sliding mode, Hsia and the inclusive law, tuned alike",
+    "faults": "faults in motion, with the guards of the generated C and without",
     "experiments": "Table II and more, flown on the reference plant",
     "special-cases": "each special case of the law, written by itself, against the inclusive C",
     "error-dynamics": "class, settling time and certificate of the desired error dynamics",

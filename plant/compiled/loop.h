@@ -56,6 +56,7 @@ typedef struct {
     const uint8_t *reading;        /* a loop_reading; by joint */
     const double *noise_counts;    /* by joint */
     const int64_t *shift_counts;   /* by joint */
+    const double *torque_share;    /* of its command that a drive gives; by joint */
     const double *torque_limit_Nm; /* by joint */
     const double *external_Nm;     /* by joint */
     const double *numbers;         /* of bodies, friction and springs: rows, see dynamics.py */

@@ -312,6 +312,8 @@ EVENTFUL = [
     {"kind": "payload", "at_s": 0.25, "mass_kg": 0.3, "center_of_mass_m": [0.1, 0.2, 0.3]},
     {"kind": "missed-ticks", "at_s": 0.004, "duration_s": 0.002},
     {"kind": "torque-limit", "at_s": 0.05, "duration_s": 0.3, "factor": 0.4},
+    {"kind": "torque-share", "at_s": 0.06, "duration_s": 0.1, "share": 0.7, "joints": [2]},
+    {"kind": "encoder-garbage", "at_s": 0.011, "duration_s": 0.002, "joints": [3]},
     {"kind": "encoder-jump", "at_s": 0.014, "duration_s": 0.004, "counts": -3},
     {"kind": "encoder-dropout", "at_s": 0.023, "duration_s": 0.002, "joints": [2]},
     {"kind": "encoder-stuck", "at_s": 0.032, "duration_s": 0.003, "joints": [1]},

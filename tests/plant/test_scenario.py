@@ -136,6 +136,19 @@ def test_a_weak_drive_gives_its_fraction_and_a_dead_one_nothing(plant: Plant) ->
     np.testing.assert_array_equal(run.torque_applied_Nm, np.outer([1.0, 0.25, 0.0, 1.0], limit))
 
 
+def test_a_drive_gives_a_share_of_what_it_is_told(plant: Plant) -> None:
+    half = {"kind": "torque-share", "at_s": 0.001, "duration_s": 0.002, "share": 0.5}
+    again = {"kind": "torque-share", "at_s": 0.002, "share": 0.5, "joints": [2]}
+    torque = np.array([1.0, -20.0, 3.0])
+    run = _run(plant, 4, half, again, torque=torque)
+    share = [[1.0, 1.0, 1.0], [0.5, 0.5, 0.5], [0.5, 0.25, 0.5], [1.0, 0.5, 1.0]]
+    np.testing.assert_array_equal(run.torque_applied_Nm, np.array(share) * torque)
+    # What is beyond the limit is cut after that.
+    limit = plant.drive.torque_limit_Nm
+    cut = _run(plant, 2, half, torque=3.0 * limit)
+    np.testing.assert_array_equal(cut.torque_applied_Nm, [limit, limit])
+
+
 def test_a_missed_tick_keeps_the_command(plant: Plant) -> None:
     missed = {"kind": "missed-ticks", "at_s": 0.002, "duration_s": 0.002}
     torque = np.array([1.0, -2.0, 3.0])
@@ -210,6 +223,9 @@ def test_each_fault_of_an_encoder_reads_as_told(plant: Plant) -> None:
     assert _counted(plant, COUNTS, lost) == [10, 10, 11, 11, 11, 15, 20]
     jump = _fault("encoder-jump", counts=100)
     assert _counted(plant, COUNTS, jump) == [10, 10, 11, 113, 116, 20, 25]
+    garbage = _counted(plant, COUNTS, _fault("encoder-garbage"))
+    assert [garbage[k] for k in (0, 1, 2, 5, 6)] == [10, 10, 11, 20, 25]
+    assert min(map(abs, garbage[3:5])) > 1e6
     elsewhere = _fault("encoder-stuck", joints=[2, 3])
     assert _counted(plant, COUNTS, elsewhere) == [10, *COUNTS]
     assert _counted(plant, COUNTS, _fault("encoder-stuck", at_s=0.0)) == [

@@ -320,18 +320,39 @@ CASES: dict[str, object] = {
     ]
 }
 
+FAULTS: dict[str, object] = {
+    "standings": [
+        {
+            "case": {"name": "LuGre", "meaning": "a plant"},
+            "lines": [{"fault": "missed 1", "meaning": "not called"}],
+        }
+    ],
+    "rows": {"LuGre": [["missed 1", "jump 1", "1", "100 90 90", "200 20 8", "0.1 0.1 0", "0"]]},
+    "findings": [],
+    "notes": [],
+}
+
 
 def test_studies_are_shown_where_they_are_of_todays_c(results: Results, tmp_path: Path) -> None:
     assert found(tmp_path) == NOTHING
     assert "make claim" in render(results)
-    for name, data in {"claim": CLAIM, "special_cases": CASES}.items():
+    for name, data in {"claim": CLAIM, "special_cases": CASES, "faults": FAULTS}.items():
         write_json(data, tmp_path / f"{name}.json")
     (tmp_path / "claim").mkdir()
     (tmp_path / "claim" / "safe_map.svg").write_text("<svg/>", encoding="utf-8")
     studies = found(tmp_path)
     assert studies.missing == ("make rivals",)
     html = render(replace(results, studies=studies))
-    for said in ("95.0&nbsp;% [75.1, 99.9]", "0.027", "DIFFERENT", "NOT proved", "says so"):
+    for said in (
+        "95.0&nbsp;% [75.1, 99.9]",
+        "0.027",
+        "DIFFERENT",
+        "NOT proved",
+        "says so",
+        "missed 1: not called",
+        "jump 1",
+        "200 20 8",
+    ):
         assert said in html
     (encoded,) = re.findall(r"data:image/svg\+xml;base64,([\w+/=]+)", html)
     assert base64.b64decode(encoded) == b"<svg/>"

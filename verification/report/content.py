@@ -364,6 +364,7 @@ COMMANDS = (
     Command("the claim on random plants", "make claim", "build/verification/claim.json"),
     Command("special cases", "make special-cases", "build/verification/special_cases.json"),
     Command("rivals", "make rivals", "build/verification/rivals.json"),
+    Command("faults in motion", "make faults", "build/verification/faults.json"),
     Command("the tuning procedure", "make tune", "build/plant/tuning/"),
     Command(
         "the generated C against the law",

@@ -1,4 +1,4 @@
-"""What longer commands left, for the report: the claim, the rivals, special cases, tuning.
+"""What longer commands left, for the report: the claim, rivals, special cases, faults.
 
 Each takes minutes to half an hour and is shown where it has run on today's C; else the report says
 which command is missing.
@@ -25,6 +25,7 @@ _COMMANDS = {
     "claim": "make claim",
     "rivals": "make rivals",
     "special_cases": "make special-cases",
+    "faults": "make faults",
 }
 
 
@@ -47,6 +48,8 @@ class Studies:
         rivals: of :mod:`verification.rivals`.
         rivals_picture: of the same.
         special_cases: of :mod:`verification.special_cases`.
+        faults: of :mod:`verification.faults`.
+        faults_picture: of the same.
     """
 
     claim: dict[str, Any] | None
@@ -54,6 +57,8 @@ class Studies:
     rivals: dict[str, Any] | None
     rivals_picture: Study | None
     special_cases: dict[str, Any] | None
+    faults: dict[str, Any] | None
+    faults_picture: Study | None
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -61,23 +66,29 @@ class Studies:
         return tuple(c for name, c in _COMMANDS.items() if getattr(self, name) is None)
 
 
-NOTHING = Studies(None, (), None, None, None)
+NOTHING = Studies(None, (), None, None, None, None, None)
 
 
 def found(folder: Path = RESULTS) -> Studies:
     """What there is in a folder of results."""
-    claim, rivals, special = (current_json(folder / f"{name}.json") for name in _COMMANDS)
+    claim, rivals, special, faults = (current_json(folder / f"{name}.json") for name in _COMMANDS)
     pictures = [
         _study(folder / "claim" / f"{name}.svg", caption)
         for name, caption in CLAIM_PICTURES.items()
     ]
     caption = "Mean RMS error on plants that none of them was tuned on; smaller is better."
+    around = (
+        "A joint's error and torque around a fault, at the paper's speed with LuGre friction: "
+        "without guards, as shipped, with a tight limit. Grey: while the fault lasts."
+    )
     return Studies(
         claim,
         tuple(picture for picture in pictures if claim and picture),
         rivals,
         _study(folder / "rivals.svg", caption) if rivals else None,
         special,
+        faults,
+        _study(folder / "faults.svg", around) if faults else None,
     )
 
 

@@ -1,0 +1,1 @@
+"""What faults do to the closed loop in motion, and what each guard of the generated C is worth."""
