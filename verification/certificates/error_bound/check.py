@@ -133,7 +133,7 @@ def _sliding(claimed: Mapping[str, Any], gains: Mapping[str, Fraction]) -> Itera
         yield "sliding: not an enclosure, or a loose one"
     elif _is_less(high, ratio, 1 / gains["gamma"]):
         yield "sliding: (xi/lambda)^(1/gamma) is larger"
-    elif not (low == high or _is_less(low, ratio, 1 / gains["gamma"])):
+    elif _is_less(1 / low, 1 / ratio, 1 / gains["gamma"]):
         yield "sliding: (xi/lambda)^(1/gamma) is smaller"
 
 
@@ -173,8 +173,8 @@ def _barrier(
     if not 2 < len(corners) <= _MOST_CORNERS:
         yield "not a curve"
         return
-    if own <= 0:
-        yield "the disturbance is not positive"
+    if own <= 0 or bound <= 0:
+        yield "the disturbance or the bound is not positive"
         return
     crooked = _crooked(corners, 2 - alpha if homogeneous else Fraction(1))
     if crooked:
