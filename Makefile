@@ -12,7 +12,7 @@ PYTHON ?=
 CONTROLLER ?=
 # The experiment that `make simulate` runs.
 EXPERIMENT ?= Exp08
-# The robot that `make tune` and `make autotune` tune on.
+# The robot that `make tune` and `make autotune` tune on, and `make tuning-check` flies.
 PLANT ?= reference_flexible
 # More words for pytest: make test PYTEST_ARGS="-k sig_pow -x".
 PYTEST_ARGS ?=
@@ -45,6 +45,7 @@ setup:
 .PHONY: codegen
 codegen: setup
 	@$(run) -m codegen generate $(CONTROLLER)
+	@$(run) -m verification tuning-check --summary $(CONTROLLER)
 
 ## Regenerate twice into temporary folders and compare every byte with generated/
 .PHONY: check-generated
@@ -70,6 +71,11 @@ tune: setup
 .PHONY: autotune
 autotune: setup
 	@$(run) -m plant autotune $(or $(CONTROLLER),controllers/puma3.toml) --robot $(PLANT)
+
+## Are a gain set's gains safe, and how good are they: make tuning-check CONTROLLER=... PLANT=NAME
+.PHONY: tuning-check
+tuning-check: setup
+	@$(run) -m verification tuning-check $(or $(CONTROLLER),controllers/puma3.toml) --plant $(PLANT)
 
 ## Build the firmware stub: every controller for every board, into build/firmware/
 .PHONY: firmware

@@ -18,7 +18,7 @@ from typing import Any, Literal
 from pydantic_core import PydanticCustomError
 
 from codegen.arithmetic import Arithmetic
-from codegen.exact import DISPLACEMENT_MAX, FINITE_TIME, as_list, rational
+from codegen.exact import COUNT_NOISE, DISPLACEMENT_MAX, FINITE_TIME, as_list, rational
 from codegen.law import LawOptions
 from codegen.presets import LAW_PRESETS, ROBOT_PRESETS, LawPreset
 from codegen.problems import Problem, SpecificationError, nearest, show
@@ -29,8 +29,9 @@ from codegen.specification import Specification, validate
 class Joint:
     """The exact numbers of one joint.
 
-    Units: inertia [kg m^2], torque_limit [N m], max_displacement [count a tick]; kd, kp and
-    lambda in the units that (17) and (31) give them.
+    Units: inertia [kg m^2], torque_limit [N m], max_displacement [count a tick],
+    max_acceleration [rad/s^2] or None for what follows from Mbar; kd, kp and lambda in the units
+    that (17) and (31) give them.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Joint:
     torque_limit: Fraction
     counts_per_joint_rev: Fraction
     max_displacement: int
+    max_acceleration: Fraction | None
 
     @property
     def rad_per_count(self) -> float:
@@ -62,7 +64,21 @@ class Controller:
     options: LawOptions
     low_pass_ratio: Fraction | None
     on_error: Literal["hold", "zero"]
+    max_lost_ticks: int
+    anti_windup: bool
     joints: tuple[Joint, ...]
+
+    def max_displacement_change(self, joint: Joint) -> int:
+        """Change of a joint's displacement from tick to tick that is still plausible [count].
+
+        By default that of twice the acceleration which the torque limit gives Mbar: what a stable
+        law controls has at least half of Mbar (33). Two counts of noise in each reading come to
+        eight.
+        """
+        acceleration = joint.max_acceleration or 2 * joint.torque_limit / joint.inertia
+        counts_per_rad = abs(joint.counts_per_joint_rev) / Fraction(2 * math.pi)
+        counts = math.ceil(acceleration * self.sample_time**2 * counts_per_rad) + COUNT_NOISE
+        return min(counts, DISPLACEMENT_MAX)
 
     def canonical(self) -> dict[str, Any]:
         """The controller as plain data with exact numbers as text: what its hash is made of."""
@@ -250,6 +266,9 @@ def _controller(specification: Specification) -> tuple[Controller, list[Problem]
         "gear": per_joint("encoder", "gear_ratio", encoder.gear_ratio),
         "torque_limit": per_joint("drive", "torque_limit_Nm", drive.torque_limit_Nm),
         "speed": per_joint("safety", "max_speed_rad_per_s", safety.max_speed_rad_per_s),
+        "acceleration": per_joint(
+            "safety", "max_acceleration_rad_per_s2", safety.max_acceleration_rad_per_s2 or (None,)
+        ),
     }
     placeholder = Controller(
         specification.name,
@@ -264,6 +283,8 @@ def _controller(specification: Specification) -> tuple[Controller, list[Problem]
         ),
         _low_pass_ratio(law.low_pass_rad_per_s, specification.sample_time_s),
         safety.on_error,
+        safety.max_lost_ticks,
+        safety.anti_windup,
         (),
     )
     if problems:
@@ -347,4 +368,5 @@ def _joint(name: str, row: dict[str, Any], sample_time: Fraction, problems: list
         row["torque_limit"],
         counts_per_joint_rev,
         max_displacement,
+        row["acceleration"],
     )

@@ -18,6 +18,7 @@ from typing import Any
 from codegen import sig_pow, sig_pow64, sig_pow_fixed, sig_pow_precise
 from codegen.c99 import Statement
 from codegen.controller import Controller
+from codegen.exact import DISPLACEMENT_MAX, LOST_TICKS_MAX
 from codegen.fixed_c import fixed_source
 from codegen.fixed_point import formats
 from codegen.floating_c import floating_source
@@ -92,9 +93,14 @@ def untunable(controller: Controller) -> dict[str, Any]:
 def identity(controller: Controller) -> int:
     """What a configuration must have been made for; a hash of 32 bits.
 
-    That is `untunable`, and the units of integers, which follow from the gains.
+    That is `untunable`, the shape of the configuration, and the units of integers, which follow
+    from the gains.
     """
-    parts = untunable(controller)
+    structures = layout(controller)
+    parts = untunable(controller) | {
+        struct.name: [(f.name, f.type.name, f.count) for f in struct.fields]
+        for struct in (structures.joint_config, structures.config)
+    }
     if controller.arithmetic.kind == "fixed-point":
         parts["formats"] = asdict(formats(controller))
     return int(_sha256(_json(parts))[:8], 16)
@@ -203,6 +209,8 @@ def _header_context(
         "identity": f"0x{identity(controller):08X}u",
         "defaults": defaults,
         "headers": [name for name in source.files if name.endswith(".h")],
+        "lost_ticks_max": LOST_TICKS_MAX,
+        "displacement_max": DISPLACEMENT_MAX,
     }
 
 

@@ -19,6 +19,12 @@ FINITE_TIME = "finite-time"
 DISPLACEMENT_MAX = 2**30 - 1
 """Counts in a tick: so that a limit and what lies within it add up to less than 2^31."""
 
+COUNT_NOISE = 8
+"""What two counts of noise in each reading come to in a second difference."""
+
+LOST_TICKS_MAX = 2**10 - 1
+"""So that what a joint moves in one more than these can be counted."""
+
 EXPONENT_MAX = Fraction(2)
 """Exponents lie below 2: sig_pow keeps a - 1 as a signed fraction of 31 bits."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from codegen.c99 import Statement
 from codegen.controller import Controller, Joint
-from codegen.exact import binary32
+from codegen.exact import DISPLACEMENT_MAX, binary32
 from codegen.fixed_point import (
     SLIDING_INTEGRAL_MAX,
     TORQUE_LIMIT_MAX,
@@ -101,6 +101,7 @@ class _Defaults:
             "inertia_factor": f"{_plain(joint.inertia)} kg m^2",
             "torque_limit_q": f"{_plain(joint.torque_limit)} N m",
             "max_displacement": str(joint.max_displacement),
+            "max_displacement_change": str(self._controller.max_displacement_change(joint)),
         }
         ratio = self._controller.low_pass_ratio
         if field.name in texts:
@@ -124,6 +125,8 @@ def _check(field: Field) -> str:
         return "" if field.name == "correction" else f"({value}.exponent_q31 > 0u) ? 1u : 0u"
     if field.range is Range.FACTOR:
         return f"(({value} != 0) && ({value} != INT32_MIN)) ? 1u : 0u"
+    if field.range is Range.DISPLACEMENT:
+        return f"(({value} >= 1) && ({value} <= {DISPLACEMENT_MAX})) ? 1u : 0u"
     if field.range in (Range.TORQUE_LIMIT, Range.FIXED_DISPLACEMENT):
         return f"({value} > 0) ? 1u : 0u"
     if field.range is Range.FIXED_RATIO:

@@ -452,6 +452,13 @@ def _joint_config(options: LawOptions, torque: str) -> Struct:
             "count",
             range=Range.FIXED_DISPLACEMENT,
         ),
+        Field(
+            "max_displacement_change",
+            integer,
+            "largest plausible change of that from tick to tick",
+            "count",
+            range=Range.DISPLACEMENT,
+        ),
     ]
     if options.low_pass:
         fields.append(
@@ -530,6 +537,7 @@ def fixed_config_values(controller: Controller, joint: Joint) -> dict[str, Field
         "inertia_factor": fixed.inertia_factor,
         "torque_limit_q": fixed.torque_limit,
         "max_displacement": fixed.max_displacement,
+        "max_displacement_change": controller.max_displacement_change(joint),
     }
     if fixed.low_pass_ratio is not None:
         values[f"low_pass_ratio_q{_RATIO_BITS}"] = fixed.low_pass_ratio

@@ -132,7 +132,7 @@ _EVEN_MOTION = {
 def _default_text(field: Field, joint: Joint, controller: Controller) -> str:
     """The default as the specification has it: a short decimal, or a fraction."""
     if field.quantity is None:
-        return str(joint.max_displacement)
+        return str(floating_config_values(controller, joint)[field.name])
     if field.quantity == "low_pass_ratio":
         exact = controller.low_pass_ratio
     else:

@@ -63,6 +63,13 @@ def _joint_config(options: LawOptions, real: Real) -> Struct:
                 "count",
                 range=Range.DISPLACEMENT,
             ),
+            Field(
+                "max_displacement_change",
+                Scalar.INT32,
+                "largest plausible change of that from tick to tick",
+                "count",
+                range=Range.DISPLACEMENT,
+            ),
         ),
     )
 
@@ -154,7 +161,10 @@ def floating_config_values(controller: Controller, joint: Joint) -> dict[str, Fi
     exact = {name: getattr(joint, _attribute(name)) for name in GAINS if name != "low_pass_ratio"}
     if controller.low_pass_ratio is not None:
         exact["low_pass_ratio"] = controller.low_pass_ratio
-    values: dict[str, FieldValue] = {"max_displacement": joint.max_displacement}
+    values: dict[str, FieldValue] = {
+        "max_displacement": joint.max_displacement,
+        "max_displacement_change": controller.max_displacement_change(joint),
+    }
     for field in _joint_config(controller.options, real).fields:
         if field.quantity is not None:
             values[field.name] = scalar_value(field, exact[field.quantity])

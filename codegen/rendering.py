@@ -7,6 +7,8 @@ from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from codegen.status import LOST, Status
+
 TEMPLATES = Path(__file__).parent / "templates"
 
 
@@ -21,6 +23,7 @@ def environment(folder: Path = TEMPLATES) -> Environment:
         autoescape=False,
     )
     made.filters["hexadecimal"] = _hexadecimal
+    made.globals |= {"statuses": tuple(Status), "lost": sorted(LOST, reverse=True)}
     return made
 
 

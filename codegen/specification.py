@@ -24,6 +24,7 @@ from pydantic_core import ErrorDetails
 
 from codegen.arithmetic import Accuracy, Kind, Precision
 from codegen.exact import (
+    LOST_TICKS_MAX,
     PerJointAlpha,
     PerJointBeta,
     PerJointGamma,
@@ -103,8 +104,19 @@ class SafetyTable(_Table):
     max_speed_rad_per_s: PerJointPositive = Field(
         description="Joint speed [rad/s] above which a change of counts is an encoder jump."
     )
+    max_acceleration_rad_per_s2: PerJointPositive | None = Field(
+        None,
+        description="Joint acceleration [rad/s^2] above which a change of speed is an encoder "
+        "jump; by default twice what the torque limit gives Mbar.",
+    )
+    max_lost_ticks: Annotated[int, Field(ge=1, le=LOST_TICKS_MAX)] = Field(
+        20, description="Lost ticks in a row after which the controller stops with zero torque."
+    )
+    anti_windup: bool = Field(
+        True, description="Whether the sliding variable of a saturated joint stops integrating."
+    )
     on_error: Literal["hold", "zero"] = Field(
-        "hold", description="Torque after an error: the last one held, or zero."
+        "hold", description="Torque of a lost tick: the last one held, or zero."
     )
 
 

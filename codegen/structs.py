@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from codegen.exact import LOST_TICKS_MAX
+
 
 class Scalar(Enum):
     """The scalar types of the interface, by their C names."""
@@ -32,6 +34,8 @@ class Range(Enum):
     FIXED_DISPLACEMENT = "1 to MAX_DISPLACEMENT"
     FIXED_RATIO = "greater than 0, at most 2^30"
     ON_ERROR = "TDC_HOLD_TORQUE or TDC_ZERO_TORQUE"
+    LOST_TICKS = f"1 to {LOST_TICKS_MAX}"
+    SWITCH = "0 or 1"
     IDENTITY = "as in the default configuration"
 
 
@@ -127,6 +131,18 @@ def _config(joint_config: Struct, joints: int) -> Struct:
                 "the torque after an error: the last one held, or zero",
                 range=Range.ON_ERROR,
             ),
+            Field(
+                "max_lost_ticks",
+                Scalar.UINT32,
+                "lost ticks in a row before TDC_STOPPED",
+                range=Range.LOST_TICKS,
+            ),
+            Field(
+                "anti_windup",
+                Scalar.UINT32,
+                "whether the sliding variable of a saturated joint stops integrating",
+                range=Range.SWITCH,
+            ),
             Field("joint", joint_config, "gains of each joint", count=joints),
         ),
     )
@@ -135,12 +151,12 @@ def _config(joint_config: Struct, joints: int) -> Struct:
 def _joint_memory(joint_state: Struct) -> Struct:
     return Struct(
         "joint_memory",
-        "The last tick's memory of a joint, and room for the next one.",
+        "The last good tick's memory of a joint, and room for the next one.",
         (
             Field(
                 "tick",
                 joint_state,
-                "the last one's index is the lowest bit of the phase",
+                "the last good one's index is the lowest bit of the phase",
                 count=2,
                 per_joint=False,
             ),
@@ -153,7 +169,12 @@ def _state(joint_memory: Struct, joints: int) -> Struct:
         "state",
         "The controller's memory. The user owns it and leaves it alone; init fills it.",
         (
-            Field("phase", Scalar.UINT32, "TDC_PHASE_START or TDC_PHASE_RUNNING after init"),
+            Field("phase", Scalar.UINT32, "one of TDC_PHASE_..., after init TDC_PHASE_START"),
+            Field(
+                "lost_ticks",
+                Scalar.UINT32,
+                "how many in a row, while the phase is TDC_PHASE_START or TDC_PHASE_LOST",
+            ),
             Field(
                 "saturated_joints", Scalar.UINT32, "bit i is set while joint i is cut to its limit"
             ),

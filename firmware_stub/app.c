@@ -88,6 +88,7 @@ static void enter_running(app *self, const reading *now)
     if (self->status < TDC_OK) {
         enter_fault(self, APP_CONTROLLER_FAULT);
     } else {
+        self->lost_ticks = 0u;
         self->mode = APP_RUNNING;
     }
 }
@@ -161,7 +162,10 @@ static void run_controller(app *self, const reading *now)
     self->status = controller_step(self->config.controller, &self->controller, &now->input, torque);
     /* Also after an error: step has written the torque that goes with it. */
     copy_torque(self->torque, torque);
-    if (self->status < TDC_OK) {
+    self->lost_ticks = (tdc_is_lost(self->status) != 0u) ? (self->lost_ticks + 1u) : 0u;
+    const bool goes_on =
+        (self->lost_ticks > 0u) && (self->lost_ticks <= self->config.lost_tick_limit);
+    if ((self->status < TDC_OK) && !goes_on) {
         enter_fault(self, APP_CONTROLLER_FAULT);
     } else if ((asked(self) == APP_HOLD) && reference_rests(&now->input)) {
         self->mode = APP_HOLDING;
@@ -280,6 +284,7 @@ const app_config app_default_config = {
     .controller = &controller_default_config,
     .brake_ticks = 100u,
     .overrun_limit = 3u,
+    .lost_tick_limit = 3u,
     .overrun_memory_ticks = 1000u,
     .entry_tolerance_counts = 8,
     .telemetry_ticks = 100u,

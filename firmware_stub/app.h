@@ -52,6 +52,8 @@ typedef struct {
     uint32_t brake_ticks;
     /** so many overruns are a fault; 1 or greater */
     uint32_t overrun_limit;
+    /** so many lost ticks in a row the controller may have; 0 or greater */
+    uint32_t lost_tick_limit;
     /** one overrun is forgotten after so many good ticks; 1 or greater */
     uint32_t overrun_memory_ticks;
     /** how far from the robot the reference may be at the switch to RUNNING [count];
@@ -74,6 +76,7 @@ typedef struct {
     tdc_status status; /* of the controller's last call */
     uint32_t tick;
     uint32_t brake_countdown; /* ticks until the brakes have opened or engaged */
+    uint32_t lost_ticks;      /* of the controller, in a row */
     uint32_t overruns;        /* all of them */
     uint32_t recent_overruns; /* those not yet forgotten */
     uint32_t memory_countdown;

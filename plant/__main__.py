@@ -174,7 +174,8 @@ def _simulate(arguments: argparse.Namespace, console: Console) -> int:
     console.print(_table(what, figures["joint_names"], columns_))
     console.print(
         f"{figures['ticks']} ticks of {figures['sample_time_s']} s, "
-        f"{figures['saturated_ticks']} with a joint at its torque limit"
+        f"{figures['saturated_ticks']} with a joint at its torque limit, "
+        f"{figures['lost_ticks']} lost"
     )
     return 0
 
@@ -271,6 +272,7 @@ def _campaign_table(title: str, summary: Sequence[dict[str, Any]]) -> Table:
         "runs": "runs",
         "diverged": "diverged",
         "reached a torque limit": "runs_with_saturation",
+        "lost a tick": "runs_with_lost_ticks",
         "RMS error [deg], median": "median_rms_error_deg",
         "RMS error [deg], 95 % below": "95_percent_rms_error_deg",
         "RMS error [deg], largest": "largest_rms_error_deg",

@@ -9,7 +9,7 @@ happens - faults, disturbances, other masses - stands in the run's script.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 
+from codegen.status import LOST, Status
 from plant.assembly import Floats, Plant, PlantError, PlantState, at_rest
 from plant.integrator import Integrator
 from plant.script import Counters, Script, uneventful
@@ -25,6 +26,9 @@ from plant.trajectory import Reference, RestToRest
 
 NOT_CALLED = 1 << 16
 """Stands for the status of a tick at which the controller is not called."""
+
+ENDED_BY = frozenset(status for status in Status if status < 0) - LOST
+"""What ends a run: after a lost tick it goes on, with the torque that the controller wrote."""
 
 Events = Callable[[Plant, Reference], Script]
 """What happens to a plant along a reference."""
@@ -141,6 +145,16 @@ class Run:
         """Tracking error of the joint itself, q_ref - q, shape (ticks, n)."""
         return self.q_ref - self.q
 
+    @property
+    def saturated_ticks(self) -> int:
+        """At how many ticks a joint was at its torque limit."""
+        return int(np.count_nonzero(self.status == Status.SATURATED))
+
+    @property
+    def lost_ticks(self) -> int:
+        """At how many ticks the torque was not the law's."""
+        return int(np.count_nonzero(np.isin(self.status, list(LOST))))
+
     def rms_error_deg(self) -> Floats:
         """RMS of the error by the encoders, as in Table II, shape (n,)."""
         return _rms_deg(self.error_rad)
@@ -179,7 +193,7 @@ def simulate(
         events: what happens beside, such as :meth:`plant.scenario.Scenario.script`.
 
     Raises:
-        ControllerError: the controller reported an error.
+        ControllerError: the controller reported an error that only a reset helps.
         PlantError: the numbers of joints differ, the drives cannot hold the start posture, or the
             motion became non-finite.
     """
@@ -244,6 +258,7 @@ def run_from(
     sample_time_s: float,
     substep_s: float | None = None,
     progress: bool | None = None,
+    ended_by: Collection[int] = ENDED_BY,
 ) -> Run:
     """Runs a controller that is already switched on, from any state of the plant.
 
@@ -254,9 +269,10 @@ def run_from(
         sample_time_s: L.
         substep_s: longest step of the integrator; the plant's own by default.
         progress: shows a progress bar; by default on a terminal only.
+        ended_by: the controller's statuses that end the run.
 
     Raises:
-        ControllerError: the controller reported an error.
+        ControllerError: the controller reported one of them.
         PlantError: the motion became non-finite.
     """
     reference, state, script = begin.reference, begin.state, begin.script
@@ -285,7 +301,7 @@ def run_from(
                 reference.velocity_rad_per_s[k],
                 reference.acceleration_rad_per_s2[k],
             )
-            if statuses[k] < 0:
+            if statuses[k] in ended_by:
                 raise ControllerError(k, int(statuses[k]))
             command = commanded[k].astype(np.float64)
         tick.hold(state.command_Nm, delayed)

@@ -18,12 +18,13 @@ from codegen.controller import Controller
 from codegen.emit import identity, untunable
 from codegen.floating_point import FieldValue
 from codegen.layout import joint_config_values, layout
+from codegen.status import Status
 from codegen.structs import Scalar, Struct
 from plant.closed_loop import ControllerOutput
 from plant.native import shared_library, sources_of
 from plant.units import units
 
-OK, SATURATED = 0, 1
+OK, SATURATED = Status.OK, Status.SATURATED
 
 
 class FixedPower(ctypes.Structure):

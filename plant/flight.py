@@ -13,7 +13,7 @@ from codegen.controller import Controller, read, resolve
 from plant.assembly import PlantError, build_plant
 from plant.closed_loop import Events, Run, simulate
 from plant.compiled import loop as compiled
-from plant.controller import SATURATED, GeneratedController
+from plant.controller import GeneratedController
 from plant.propose import data_of, proposal
 from plant.robot import FrictionName, Robot, RobotError, load_robot, read_robot_file
 from plant.script import uneventful
@@ -63,7 +63,8 @@ class Flight:
             "peak_error_deg": np.rad2deg(np.abs(run.error_rad).max(axis=0)).tolist(),
             "peak_torque_Nm": np.abs(run.torque_applied_Nm).max(axis=0).tolist(),
             "rms_torque_step_Nm": np.sqrt(np.mean(torque_step**2, axis=0)).tolist(),
-            "saturated_ticks": int(np.count_nonzero(run.status == SATURATED)),
+            "saturated_ticks": run.saturated_ticks,
+            "lost_ticks": run.lost_ticks,
         }
 
 

@@ -36,6 +36,7 @@ COMMANDS = {
     "error-dynamics": "class, settling time and certificate of the desired error dynamics",
     "error-bound": "how large s and e can be while the TDE error is bounded: proved, checked",
     "energy": "the energies V (20) and Vs (57) along the closed loop of the generated C",
+    "tuning-check": "is a gain set safe, and how good is it: one page for each specification",
     "sampled-interval": "for which Mbar/M the sampled law is stable: exact, proved, checked",
     "workspace": "the eigenvalues of M(q)^-1 Mbar at every q, for condition (33): proved, checked",
     "equivalence": "the generated C against the law in double",

@@ -26,12 +26,18 @@ Records = NDArray[Any]
 Regime = Literal["rig", "wide"]
 REGIMES: tuple[Regime, ...] = get_args(Regime)
 
-PHASE_START, PHASE_RUNNING = 0x54444300, 0x54444302
+PHASE_START, PHASE_RUNNING, PHASE_LOST = 0x54444300, 0x54444302, 0x54444304
 RUNNING_PHASES = (PHASE_RUNNING, PHASE_RUNNING + 1)
-"""They take turns: the lowest bit is the index of the last tick's memory."""
+LOST_PHASES = (PHASE_LOST, PHASE_LOST + 1)
+"""The lowest bit is the index of the last good tick's memory; in good ticks it changes."""
+
+PHASES = (PHASE_START, *RUNNING_PHASES, *LOST_PHASES)
 
 STARTS_FROM = ("counts", "applied_torque_Nm")
 """What the first tick takes from the memory; the rest of it follows from that tick's input."""
+
+RESUMES_FROM = (*STARTS_FROM, "sliding_integral_rad_per_s")
+"""Likewise a tick after lost ones."""
 
 _EXPONENTS = ("alpha", "beta", "gamma")
 _DECADES = ("inertia_kgm2", "kd", "kp", "lambda", "torque_limit_Nm")
@@ -65,13 +71,32 @@ def wrap(value: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def is_running(state: Records) -> NDArray[np.bool_]:
-    """Whether each state has at least one tick behind it, shape (steps,)."""
+    """Whether the last tick of each state was a good one, shape (steps,)."""
     running: NDArray[np.bool_] = np.isin(state["phase"], RUNNING_PHASES)
     return running
 
 
+def is_starting(state: Records) -> NDArray[np.bool_]:
+    """Whether each state has no good tick behind it, shape (steps,)."""
+    starting: NDArray[np.bool_] = state["phase"] == PHASE_START
+    return starting
+
+
+def is_filled(state: Records) -> NDArray[np.bool_]:
+    """Whether each state is one that init has filled, shape (steps,)."""
+    filled: NDArray[np.bool_] = np.isin(state["phase"], PHASES)
+    return filled
+
+
+def latest_counts(state: Records) -> NDArray[np.int64]:
+    """Readings at the last ticks, lost or not, of states that aren't running; (steps, joints)."""
+    other = (state["phase"] & 1) ^ 1
+    counts: NDArray[np.int64] = state["joint"]["tick"]["counts"][np.arange(len(state)), :, other]
+    return counts.astype(np.int64)
+
+
 def last_memory(state: Records) -> Records:
-    """The memory of the last tick as ``joint_state`` structures, shape (steps, joints); a copy."""
+    """That of the last good tick as ``joint_state`` structures, shape (steps, joints); a copy."""
     memory: Records = state["joint"]["tick"][np.arange(len(state)), :, state["phase"] & 1]
     return memory
 
@@ -83,29 +108,30 @@ def first_index(state: Records) -> Records:
 
 
 def disperse(state: Records, rng: np.random.Generator) -> None:
-    """Moves the memories of half the running states to index 1, and fills scratch at random.
+    """Moves the memories of half the states to index 1, and fills scratch at random.
 
-    Scratch is all that a tick must not read: the memory beside the last one's, and what the first
-    tick finds out for itself. Random bits there are caught wherever they are used.
+    Scratch is all that a tick must not read: the memory beside the last one's, but for the latest
+    counts where ticks were lost, and what the first tick, or one after lost ones, finds out for
+    itself. Random bits there are caught wherever they are used.
 
     Args:
         state: states of even phases; those that nobody filled are left alone.
         rng: the source of all of it.
     """
-    running = is_running(state)
-    filled = running | (state["phase"] == PHASE_START)
-    odd = running & (rng.random(len(state)) < 0.5)
-    state["phase"][odd] += 1
-    last = first_index(state).copy()
+    running, starting, filled = is_running(state), is_starting(state), is_filled(state)
+    last, latest = first_index(state).copy(), latest_counts(state)
+    state["phase"][filled & ~starting & (rng.random(len(state)) < 0.5)] += 1
     ticks = state["joint"]["tick"]
     bits = np.frombuffer(rng.bytes(ticks.nbytes), ticks.dtype).reshape(ticks.shape)
     memory = bits[:, :, 0].copy()
     for name in last.dtype.names or ():
-        known = running if name not in STARTS_FROM else filled
-        memory[name] = np.where(known[:, None], last[name], memory[name])
-    rows = np.flatnonzero(filled)
+        read = running | (filled & (name in RESUMES_FROM) & ~(starting & (name not in STARTS_FROM)))
+        memory[name] = np.where(read[:, None], last[name], memory[name])
+    rows, index = np.flatnonzero(filled), state["phase"] & 1
     ticks[rows] = bits[rows]
-    ticks[rows, :, state["phase"][rows] & 1] = memory[rows]
+    ticks[rows, :, index[rows]] = memory[rows]
+    rows = np.flatnonzero(filled & ~running)
+    ticks["counts"][rows, :, index[rows] ^ 1] = latest[rows]
 
 
 # --- Drawing -----------------------------------------------------------------------------------
@@ -142,10 +168,14 @@ def _draw_gains(config: Records, regime: Regime, rng: np.random.Generator) -> No
         # A torque at its limit says nothing of the law: most of these gains need more room.
         joint["torque_limit_Nm"] *= 10.0
     config["on_error"] = rng.integers(0, 2, len(config))
+    config["anti_windup"] = rng.integers(0, 2, len(config))
+    config["max_lost_ticks"] = rng.integers(1, 40, len(config))
     if has(joint, "low_pass_ratio"):
         joint["low_pass_ratio"] = rng.uniform(2.0**-10, 1.0, shape)
     if regime == "rig":
         return
+    tight = rng.random(shape) < 0.02
+    joint["max_displacement_change"][tight] = rng.integers(1, 64, np.count_nonzero(tight))
     for name in ("kd", "kp", "lambda"):
         joint[name][rng.random(shape) < 0.05] = 0.0
     for name in _EXPONENTS:
@@ -195,9 +225,15 @@ def _draw_positions(
     largest_error = 2.0**14 if regime == "rig" else 2.0**31
     error = _integers(rng, largest_error, shape)
 
-    state["phase"] = np.where(rng.random(len(state)) < 0.125, PHASE_START, PHASE_RUNNING)
+    state["phase"] = rng.choice(
+        [PHASE_START, PHASE_LOST, PHASE_RUNNING], len(state), p=[0.125, 0.125, 0.75]
+    )
     state["saturated_joints"] = rng.integers(0, 2 ** shape[1], len(state))
-    joint["counts"] = counts
+    state["lost_ticks"] = rng.integers(0, 25, len(state))
+    # Where ticks were lost, the latest reading lies near the last good one, or anywhere.
+    joint["counts"] = wrap(counts + np.where(is_running(state)[:, None], 0, small(limit)))
+    latest = np.where((rng.random(len(state)) < 0.05)[:, None], anywhere, counts)
+    state["joint"]["tick"]["counts"][..., 1] = latest
     # An acceleration of one count a tick a tick is already several rad/s^2.
     largest_change = np.minimum(limit, 3 if regime == "rig" else 64)
     joint["displacement"] = wrap(moved + small(largest_change))

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.controller import Controller
-from codegen.exact import binary32
+from codegen.exact import DISPLACEMENT_MAX, binary32
 from codegen.law import (
     GAINS,
     AccelerationEstimate,
@@ -41,12 +41,14 @@ from codegen.law import (
 )
 from codegen.layout import layout
 from codegen.sig_pow import tables
+from codegen.status import Status
 from plant.controller import GeneratedController, Structures, structures
 from plant.native import shared_library, sources_of
 from verification.cases import (
+    PHASE_LOST,
     PHASE_RUNNING,
-    PHASE_START,
     REGIMES,
+    RESUMES_FROM,
     STARTS_FROM,
     Cases,
     Records,
@@ -54,7 +56,9 @@ from verification.cases import (
     draw,
     has,
     is_running,
+    is_starting,
     last_memory,
+    latest_counts,
     shipped_scales,
     wrap,
 )
@@ -64,7 +68,8 @@ from verification.interval import Interval, enclose, point, rounded
 Doubles = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-OK, SATURATED, ENCODER_JUMP, NOT_FINITE = 0, 1, -4, -5
+OK, SATURATED, STOPPED = Status.OK, Status.SATURATED, Status.STOPPED
+ENCODER_JUMP, NOT_FINITE = Status.ENCODER_JUMP, Status.NOT_FINITE
 HOLD_TORQUE = 0
 SEED = 20170
 BATCH = 10_000
@@ -145,6 +150,7 @@ class Tally:
         saturated: steps with at least one joint cut to its limit.
         jumps: steps with an encoder jump.
         not_finite: steps whose torque or sliding integral isn't finite.
+        stopped: steps after too many lost ones.
         undecided: steps whose enclosure reaches across a torque limit, so that either status
             is right.
     """
@@ -153,6 +159,7 @@ class Tally:
     saturated: int = 0
     jumps: int = 0
     not_finite: int = 0
+    stopped: int = 0
     undecided: int = 0
 
     def plus(self, other: Tally) -> Tally:
@@ -239,8 +246,12 @@ def run(library: Compiled, cases: Cases) -> tuple[NDArray[np.float32], NDArray[n
 
 @dataclass(frozen=True)
 class Integers:
-    """What the C computes in integers, each of shape (steps, joints)."""
+    """What the C computes in integers, each of shape (steps, joints).
 
+    ``since_good`` is the way from the last good tick, and ``change`` zero where ticks were lost.
+    """
+
+    since_good: NDArray[np.int64]
     displacement: NDArray[np.int64]
     change: NDArray[np.int64]
     error_q8: NDArray[np.int64]
@@ -249,7 +260,7 @@ class Integers:
 
 
 def integers(cases: Cases, running: Flags) -> Integers:
-    """Differences of wrapping positions; at the first tick the robot is taken to move evenly."""
+    """Differences of wrapping positions; after lost ticks, and at first, of an even motion."""
     joint = last_memory(cases.state)
 
     def column(name: str) -> NDArray[np.int64]:
@@ -261,13 +272,36 @@ def integers(cases: Cases, running: Flags) -> Integers:
     counts = cases.input["counts"].astype(np.int64)
     reference = cases.input["reference_position_q8"].astype(np.int64)
     on = running[:, None]
-    displacement = wrap(counts - column("counts"))
+    since_good = wrap(counts - column("counts"))
+    displacement = np.where(on, since_good, wrap(counts - latest_counts(cases.state)))
     change = np.where(on, wrap(displacement - column("displacement")), 0)
     error = wrap(reference - 256 * counts)
     error_change = np.where(on, wrap(error - column("error_q8")), 0)
     delayed = has(joint, "displacement_change")
     used = np.where(on, column("displacement_change"), 0) if delayed else change
-    return Integers(displacement, change, error, error_change, used)
+    return Integers(since_good, displacement, change, error, error_change, used)
+
+
+def stops(cases: Cases) -> Flags:
+    """Steps before which too many ticks in a row were lost, shape (steps,)."""
+    stopped: Flags = ~is_running(cases.state) & (
+        cases.state["lost_ticks"] >= cases.config["max_lost_ticks"]
+    )
+    return stopped
+
+
+def jumps(cases: Cases, whole: Integers) -> Flags:
+    """Steps whose counts aren't plausible, and which aren't stopped, shape (steps,)."""
+    joint = cases.config["joint"]
+    limit = joint["max_displacement"].astype(np.int64)
+    running = is_running(cases.state)[:, None]
+    ticks = cases.state["lost_ticks"].astype(np.int64)[:, None] + 1
+    reach = np.where(limit < 2**20, limit * ticks, DISPLACEMENT_MAX)
+    jump = np.abs(whole.displacement) > limit
+    jump |= running & (np.abs(whole.change) > joint["max_displacement_change"])
+    jump |= ~running & (np.abs(whole.since_good) > reach)
+    found: Flags = jump.any(axis=1) & ~stops(cases)
+    return found
 
 
 @dataclass(frozen=True)
@@ -341,7 +375,7 @@ def _in_double(function: LawFunction, values: Sources) -> Sources:
 def outputs(cases: Cases, controller: Controller, whole: Integers, running: Flags) -> Outputs:
     """The law on these cases, in double and as enclosures of what binary32 can make of it."""
     remembered = last_memory(cases.state)["sliding_integral_rad_per_s"].astype(np.float64)
-    on = running[:, None]
+    on = ~is_starting(cases.state)[:, None]
     exact = _sources(cases, controller, whole, running)
     enclosed = {name: point(value) for name, value in exact.items()}
     # Integers beyond 2^24 are rounded when the C converts them to float.
@@ -373,8 +407,8 @@ def outputs(cases: Cases, controller: Controller, whole: Integers, running: Flag
 class Batch:
     """Everything known of a batch of steps, before and after the C ran.
 
-    ``jump`` and ``good`` say which steps must end in an encoder jump, and which must succeed;
-    all others must end as not finite.
+    ``stopped``, ``jump`` and ``good`` say which steps must end so or in an encoder jump, and which
+    must succeed; all others must end as not finite.
     """
 
     cases: Cases
@@ -383,19 +417,16 @@ class Batch:
     status: NDArray[np.int64]
     whole: Integers
     outputs: Outputs
+    stopped: Flags
     jump: Flags
     good: Flags
 
 
-def _expected_failures(
-    cases: Cases, whole: Integers, out: Outputs, low_pass: bool
-) -> tuple[Flags, Flags]:
-    limit = cases.config["joint"]["max_displacement"].astype(np.int64)
-    jump: Flags = np.any(np.abs(whole.displacement) > limit, axis=1)
+def _is_finite(out: Outputs, low_pass: bool) -> Flags:
     torque = out.exact["filtered_torque" if low_pass else "control_torque"]
     integral = out.exact["next_sliding_integral"]
     finite: Flags = np.all(np.isfinite(torque) & np.isfinite(integral), axis=1)
-    return jump, finite & ~jump
+    return finite
 
 
 def _same_bits(a: NDArray[Any], b: NDArray[Any]) -> Flags:
@@ -422,23 +453,48 @@ def _cut_by_law(batch: Batch, low_pass: bool) -> tuple[Flags, Flags]:
     return must, may
 
 
-def _untouched(before: Records, after: Records) -> Flags:
-    """Whether states are the same bit for bit in all that the next tick takes from them."""
-    same: Flags = np.ones(len(before), np.bool_)
-    for name in ("phase", "saturated_joints"):
-        same &= before[name] == after[name]
+def cut_joints(batch: Batch) -> Flags:
+    """Joints that the C says to be at their limits, shape (steps, joints)."""
+    bits = batch.after["saturated_joints"].astype(np.int64)
+    cut: Flags = (bits[:, None] >> np.arange(batch.torque.shape[1]) & 1).astype(np.bool_)
+    return cut
+
+
+def frozen_joints(batch: Batch) -> Flags:
+    """Those of them whose sliding variable doesn't integrate, shape (steps, joints)."""
+    anti_windup: Flags = (batch.cases.config["anti_windup"] == 1)[:, None]
+    return cut_joints(batch) & anti_windup
+
+
+def _counts_as_lost(batch: Batch) -> Flags:
+    """Whether the state says that this tick was lost, and has its reading, shape (steps,)."""
+    before, after = batch.cases.state, batch.after
+    running = is_running(before)
+    right: Flags = after["phase"] == before["phase"] + running * (PHASE_LOST - PHASE_RUNNING)
+    right &= after["lost_ticks"] == np.where(running, 0, before["lost_ticks"]) + 1
+    right &= after["saturated_joints"] == before["saturated_joints"]
+    right &= (latest_counts(after) == batch.cases.input["counts"]).all(axis=1)
+    return right
+
+
+def _keeps_memory(batch: Batch) -> Flags:
+    """Whether a lost tick leaves, bit for bit, what the next one takes from the memory."""
+    before, after = batch.cases.state, batch.after
     then, now = last_memory(before), last_memory(after)
-    starts = before["phase"] == PHASE_START
+    starting = is_starting(before)
+    # A tick that resumes takes the latest reading for that of the last tick, good or not.
+    resumes = ~is_running(before) & ~batch.jump
+    then["counts"] = np.where(resumes[:, None], latest_counts(before), then["counts"])
+    same: Flags = np.ones(len(before), np.bool_)
     for name in then.dtype.names or ():
-        # The first tick finds all else out for itself, at each attempt.
-        ignored = starts if name not in STARTS_FROM else np.False_
-        same &= ignored | _same_bits(then[name], now[name])
+        read = (name in STARTS_FROM) | ((name in RESUMES_FROM) & ~starting)
+        same &= ~read | _same_bits(then[name], now[name])
     return same
 
 
 def checks(batch: Batch, low_pass: bool) -> Iterator[tuple[str, Flags]]:
     """Every check with the steps that fail it, shape (steps,)."""
-    good, bad = batch.good, ~batch.good
+    good, lost = batch.good, ~batch.good & ~batch.stopped
     before, after = batch.cases.state, batch.after
     then, now = last_memory(before), last_memory(after)
     torque = batch.torque.astype(np.float64)
@@ -451,12 +507,18 @@ def checks(batch: Batch, low_pass: bool) -> Iterator[tuple[str, Flags]]:
         "torque lies in the enclosure",
         on_good(batch.outputs.enclosed["limited_torque"].contains(torque)),
     )
+    integral = now["sliding_integral_rad_per_s"].astype(np.float64)
     yield (
         "next sliding integral lies in the enclosure",
         on_good(
-            batch.outputs.enclosed["next_sliding_integral"].contains(
-                now["sliding_integral_rad_per_s"].astype(np.float64)
-            )
+            frozen_joints(batch)
+            | batch.outputs.enclosed["next_sliding_integral"].contains(integral)
+        ),
+    )
+    yield (
+        "sliding integral of a saturated joint stays",
+        on_good(
+            ~frozen_joints(batch) | batch.outputs.enclosed["sliding_integral"].contains(integral)
         ),
     )
     yield (
@@ -493,27 +555,39 @@ def checks(batch: Batch, low_pass: bool) -> Iterator[tuple[str, Flags]]:
         on_good(after["phase"] == PHASE_RUNNING + 1 - (before["phase"] & 1)),
     )
 
-    bits = after["saturated_joints"].astype(np.int64)
-    cut = (bits[:, None] >> np.arange(limit.shape[1]) & 1).astype(np.bool_)
-    yield "no other saturation bit is set", on_good(bits < 2 ** limit.shape[1])
+    cut = cut_joints(batch)
+    yield (
+        "no other saturation bit is set",
+        on_good(after["saturated_joints"].astype(np.int64) < 2 ** limit.shape[1]),
+    )
     yield "torque of a saturated joint is its limit", on_good(~cut | (np.abs(torque) == limit))
     must, may = _cut_by_law(batch, low_pass)
     yield "saturation is that of the law", on_good((cut | ~must) & (~cut | may))
     expected = np.where(cut.any(axis=1), SATURATED, OK)
     expected = np.where(good, expected, np.where(batch.jump, ENCODER_JUMP, NOT_FINITE))
-    yield "status", batch.status != expected
-    yield "state is untouched after an error", bad & ~_untouched(before, after)
+    yield "status", batch.status != np.where(batch.stopped, STOPPED, expected)
+    yield "a lost tick is counted, and its reading kept", lost & ~_counts_as_lost(batch)
+    yield "a lost tick leaves the memory", lost & ~_keeps_memory(batch)
+    yield "a stopped controller keeps its state", batch.stopped & ~_same_bits(before, after)
     hold = (batch.cases.config["on_error"] == HOLD_TORQUE)[:, None]
     fallback = np.where(hold, then["applied_torque_Nm"], np.float32(0.0))
-    yield "torque after an error is the configured one", bad & ~_same_bits(fallback, batch.torque)
+    yield "torque of a lost tick is the configured one", lost & ~_same_bits(fallback, batch.torque)
+    yield "a stopped controller has no torque", batch.stopped & (batch.torque != 0.0).any(axis=1)
 
 
-def _distances(batch: Batch, name: str, values: Doubles) -> tuple[Doubles, Doubles]:
-    """Distances of the C from the double law on the good steps, in units and as shares."""
-    exact = batch.outputs.exact[name][batch.good]
+def _distances(batch: Batch, name: str, values: Doubles, among: Flags) -> tuple[Doubles, Doubles]:
+    """Distances of the C from the double law, in units and as shares.
+
+    Args:
+        batch: of steps.
+        name: of the law's output.
+        values: what the C made of it, shape (steps, joints).
+        among: of which joints of which steps, shape (steps, joints).
+    """
+    exact = np.broadcast_to(batch.outputs.exact[name], values.shape)[among]
     enclosed = batch.outputs.enclosed[name]
-    low, high = enclosed.low[batch.good], enclosed.high[batch.good]
-    difference = values[batch.good] - exact
+    low, high = (np.broadcast_to(end, values.shape)[among] for end in (enclosed.low, enclosed.high))
+    difference = values[among] - exact
     room = np.where(difference > 0.0, high - exact, exact - low)
     distance = np.abs(difference)
     # A room of zero, as at a torque limit, lets a wrong C's share be infinite.
@@ -537,8 +611,9 @@ def _evaluate(library: Compiled, cases: Cases) -> Batch:
     with np.errstate(all="ignore"):  # some cases hold NaN and infinities on purpose
         out = outputs(before, library.controller, whole, running)
         low_pass = library.controller.options.low_pass
-        jump, good = _expected_failures(before, whole, out, low_pass)
-    return Batch(before, cases.state, torque, status, whole, out, jump, good)
+        stopped, jump = stops(before), jumps(before, whole)
+        good = _is_finite(out, low_pass) & ~jump & ~stopped
+    return Batch(before, cases.state, torque, status, whole, out, stopped, jump, good)
 
 
 def _example(batch: Batch, check: str, row: int) -> str:
@@ -589,8 +664,11 @@ def check(
         with np.errstate(invalid="ignore", divide="ignore"):
             after = last_memory(batch.after)["sliding_integral_rad_per_s"].astype(np.float64)
             commanded = batch.torque.astype(np.float64)
-            torque[regime].append(_distances(batch, "limited_torque", commanded))
-            integral[regime].append(_distances(batch, "next_sliding_integral", after))
+            good = np.broadcast_to(batch.good[:, None], commanded.shape)
+            torque[regime].append(_distances(batch, "limited_torque", commanded, good))
+            integral[regime].append(
+                _distances(batch, "next_sliding_integral", after, good & ~frozen_joints(batch))
+            )
             for name, failed in checks(batch, low_pass):
                 rows = np.flatnonzero(failed)
                 if rows.size:
@@ -627,6 +705,7 @@ def _tally(batch: Batch, low_pass: bool) -> Tally:
         int((batch.status == SATURATED).sum()),
         int((batch.status == ENCODER_JUMP).sum()),
         int((batch.status == NOT_FINITE).sum()),
+        int((batch.status == STOPPED).sum()),
         int(undecided.sum()),
     )
 

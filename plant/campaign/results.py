@@ -58,6 +58,7 @@ def schema(campaign: Campaign) -> pa.Schema:
         pa.field("reason", pa.string()),
         pa.field("ticks", pa.int64()),
         pa.field("saturated_ticks", pa.int64()),
+        pa.field("lost_ticks", pa.int64()),
         *by_joint(_JOINT_FIGURES, nullable=True),
         pa.field("friction_model", pa.string(), nullable=False),
         pa.field("torque_delay_ticks", pa.float64(), nullable=False),
@@ -238,6 +239,7 @@ def _summary(name: str, table: pa.Table) -> dict[str, Any]:
         "runs": len(table),
         "diverged": len(table) - len(flown),
         "runs_with_saturation": int(np.count_nonzero(flown["saturated_ticks"].to_numpy())),
+        "runs_with_lost_ticks": int(np.count_nonzero(flown["lost_ticks"].to_numpy())),
     }
     if not len(flown):
         return told

@@ -19,7 +19,7 @@ from plant.campaign import plants
 from plant.campaign.specification import AS_SPECIFIED, CampaignSpecification
 from plant.closed_loop import Beginning, ControllerError, Run, beginning, run_from, switch_on
 from plant.compiled.loop import CompiledLoop
-from plant.controller import SATURATED, GeneratedController
+from plant.controller import GeneratedController
 from plant.flight import check_encoders, default_robot
 from plant.native import c_files, shared_library, sources_of
 from plant.robot import (
@@ -351,7 +351,8 @@ def figures(run: Run) -> Row:
     steps = np.diff(run.torque_applied_Nm, axis=0)
     return {
         "ticks": len(run.time_s),
-        "saturated_ticks": int(np.count_nonzero(run.status == SATURATED)),
+        "saturated_ticks": run.saturated_ticks,
+        "lost_ticks": run.lost_ticks,
         **_by_joint("rms_error_deg", run.rms_error_deg()),
         **_by_joint("rms_true_error_deg", run.rms_true_error_deg()),
         **_by_joint("peak_error_deg", np.rad2deg(np.abs(run.error_rad).max(axis=0))),

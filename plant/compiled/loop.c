@@ -172,6 +172,16 @@ static void hold(world *w, tick_work *t, const loop_part *part, const double *co
     }
 }
 
+/** Whether a run goes on after a status of the controller. */
+static int goes_on(const loop_controller *controller, int64_t status)
+{
+    int64_t i = 0;
+    while (i < controller->ends_count && controller->ends[i] != status) {
+        ++i;
+    }
+    return i == controller->ends_count;
+}
+
 /** One tick, recorded in row k; returns the controller's status. */
 static int tick(const loop_plant *plant, const loop_script *script, world *w,
                 const loop_controller *controller, const loop_record *record, int64_t k)
@@ -200,7 +210,7 @@ static int tick(const loop_plant *plant, const loop_script *script, world *w,
         status = loop_controller_step(controller, k, &record->counts[row], record->torque_commanded,
                                       command);
         record->status[k] = status;
-        if (status < 0) {
+        if (!goes_on(controller, status)) {
             return status;
         }
     }
@@ -226,13 +236,13 @@ static loop_end run(const loop_plant *plant, const loop_script *script, world *w
     if (controller->holding_torque != NULL) {
         *status = loop_controller_init(controller, counts);
     }
-    while (*status >= 0) {
+    while (goes_on(controller, *status)) {
         if (*last_tick == ticks - 1) {
             return LOOP_DONE;
         }
         ++*last_tick;
         *status = tick(plant, script, w, controller, record, *last_tick);
-        if (*status >= 0 && !countable(plant, &w->motion)) {
+        if (goes_on(controller, *status) && !countable(plant, &w->motion)) {
             return LOOP_NOT_FINITE;
         }
     }

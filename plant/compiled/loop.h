@@ -89,12 +89,14 @@ typedef struct {
     void *state;
     void *input;                /* one structure a tick, filled but for its counts */
     const void *holding_torque; /* for its init; NULL: it goes on from its state */
+    const int64_t *ends;        /* statuses that end the run */
+    int64_t ends_count;
 } loop_controller;
 
 /** How a run ended. */
 typedef enum {
     LOOP_DONE = 0,
-    LOOP_CONTROLLER_ERROR = 1, /* the controller's status is negative */
+    LOOP_CONTROLLER_ERROR = 1, /* the controller's status is one that ends the run */
     LOOP_NOT_FINITE = 2,       /* the motion became non-finite */
 } loop_end;
 

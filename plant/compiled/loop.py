@@ -8,7 +8,7 @@ code, and ctypes lets other threads run meanwhile.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from codegen.emit import untunable
 from codegen.rendering import environment
 from plant.assembly import Floats, Plant, PlantError, PlantState
 from plant.closed_loop import (
+    ENDED_BY,
     NOT_CALLED,
     Beginning,
     ControllerError,
@@ -115,7 +116,16 @@ _Record = _pointers(
     "friction_Nm",
     "status",
 )
-_Controller = _pointers("_Controller", "config", "state", "input", "holding_torque")
+
+
+class _Controller(ctypes.Structure):
+    """``loop_controller``."""
+
+    _fields_ = (
+        *((name, ctypes.c_void_p) for name in ("config", "state", "input", "holding_torque")),
+        ("ends", ctypes.c_void_p),
+        ("ends_count", ctypes.c_int64),
+    )
 
 
 def _addresses(arrays: Mapping[str, NDArray[Any]]) -> dict[str, int]:
@@ -228,6 +238,7 @@ class CompiledLoop:
         substep_s: float | None = None,
         *,
         reset: bool = True,
+        ended_by: Collection[int] = ENDED_BY,
     ) -> Run:
         """Runs the controller from a state of the plant on, for as long as the reference lasts.
 
@@ -240,9 +251,10 @@ class CompiledLoop:
             substep_s: longest step of the integrator; the plant's own by default.
             reset: whether the controller is switched on; else it goes on from its state, as in
                 :func:`plant.closed_loop.run_from`.
+            ended_by: the controller's statuses that end the run.
 
         Raises:
-            ControllerError: the controller reported an error.
+            ControllerError: the controller reported one of them.
             PlantError: the motion became non-finite; or the plant is of another structure, or
                 something hasn't as many numbers as there are joints or ticks.
             LayoutError: the controller is another one.
@@ -256,6 +268,7 @@ class CompiledLoop:
             begin.reference.acceleration_rad_per_s2,
         )
         held = controller.holding_torque(begin.state.command_Nm)
+        ends = np.array(sorted(ended_by), dtype=np.int64)
         arrays = _encoder_arrays(begin.script.encoder, plant.joints)
         timings = _Timings(
             plant, begin.script, sample_time_s, plant.substep_s if substep_s is None else substep_s
@@ -278,6 +291,8 @@ class CompiledLoop:
                     state=ctypes.addressof(controller.state),
                     input=inputs.ctypes.data,
                     holding_torque=ctypes.addressof(held) if reset else None,
+                    ends=ends.ctypes.data,
+                    ends_count=len(ends),
                 )
             ),
             ctypes.byref(_pointed(_Record, record)),

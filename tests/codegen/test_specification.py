@@ -107,7 +107,7 @@ BAD = [
     ("encoder.gear_ratio", 0, "encoder.gear_ratio", "not 0", "ratio"),
     ("drive.torque_limit_Nm", -1, "drive.torque_limit_Nm", "greater than 0", "positive"),
     ("drive.reports_torque", "perhaps", "drive.reports_torque", "boolean", "Whether the drive"),
-    ("safety.on_error", "panic", "safety.on_error", '"hold" or "zero"', "Torque after an error"),
+    ("safety.on_error", "panic", "safety.on_error", '"hold" or "zero"', "Torque of a lost tick"),
     ("safety.max_speed_rad_per_s", REMOVED, "safety.max_speed_rad_per_s", "needed", "jump"),
     ("safety.max_speed_rad_per_s", 1e9, "safety.max_speed_rad_per_s", "2^30", "unit"),
     ("safety", REMOVED, "safety", "needed", "[safety]"),

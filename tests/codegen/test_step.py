@@ -21,7 +21,8 @@ from tests.codegen.conftest import CONTROLLERS, GENERATED, variant
 OK, SATURATED = 0, 1
 BAD_ARGUMENT, BAD_CONFIG, NOT_INITIALISED, ENCODER_JUMP, NOT_FINITE = -1, -2, -3, -4, -5
 HOLD, ZERO = 0, 1
-PHASE_START, PHASE_RUNNING = 0x54444300, 0x54444302
+STOPPED = -7
+PHASE_START, PHASE_RUNNING, PHASE_LOST = 0x54444300, 0x54444302, 0x54444304
 SAMPLE_TIME = 0.001
 RAD_PER_COUNT = 2 * math.pi / (8192 * 120)
 HOLDING = np.array([1.0, -20.0, 5.0])
@@ -161,6 +162,8 @@ BAD_GAINS = [
     ("torque_limit_Nm", math.nan),
     ("max_displacement", 0),
     ("max_displacement", 2**30),
+    ("max_displacement_change", 0),
+    ("max_displacement_change", 2**30),
 ]
 
 
@@ -188,9 +191,23 @@ def test_the_run_time_check_takes_the_ends_of_the_ranges(
 def test_the_run_time_check_refuses_another_specification(puma3: GeneratedController) -> None:
     puma3.config.specification ^= 1
     assert puma3.check_config() == BAD_CONFIG
-    puma3.config.specification ^= 1
-    puma3.config.on_error = 2
-    assert puma3.check_config() == BAD_CONFIG
+
+
+@pytest.mark.parametrize(
+    ("field", "good", "bad"),
+    [
+        ("on_error", (HOLD, ZERO), (2, 2**32 - 1)),
+        ("anti_windup", (0, 1), (2, 2**32 - 1)),
+        ("max_lost_ticks", (1, 1023), (0, 1024, 2**32 - 1)),
+    ],
+)
+def test_the_run_time_check_looks_at_what_all_joints_share(
+    puma3: GeneratedController, field: str, good: tuple[int, ...], bad: tuple[int, ...]
+) -> None:
+    for values, status in ((good, OK), (bad, BAD_CONFIG)):
+        for value in values:
+            setattr(puma3.config, field, value)
+            assert puma3.check_config() == status
 
 
 def test_a_low_pass_ratio_above_one_is_refused(make: Make) -> None:
@@ -211,7 +228,7 @@ def test_a_low_pass_ratio_above_one_is_refused(make: Make) -> None:
     ("fault", "status"),
     [("jump", ENCODER_JUMP), (math.nan, NOT_FINITE), (math.inf, NOT_FINITE), (3e38, NOT_FINITE)],
 )
-def test_an_error_leaves_the_state_untouched(
+def test_a_lost_tick_leaves_the_memory(
     puma3: GeneratedController,
     joint: int,
     fault: Any,
@@ -227,11 +244,16 @@ def test_an_error_leaves_the_state_untouched(
         counts[joint] = puma3.config.joint[joint].max_displacement + 1
     else:
         acceleration[joint] = fault
-    for _ in range(2):  # the memory lies at either index
+    for tick in (1, 2):  # the memory lies at either index
         assert step(puma3, [0] * N)[1] == OK
         before = kept(puma3)
         assert step(puma3, counts, acceleration=acceleration) == (torque, status)
+        assert puma3.state.phase == PHASE_LOST + tick % 2
+        assert puma3.state.lost_ticks == 1
+        puma3.state.phase = PHASE_RUNNING + tick % 2
         assert kept(puma3) == before
+        start(puma3)
+        assert step(puma3, [0] * N)[1] == OK
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -239,8 +261,10 @@ def test_a_failed_first_tick_leaves_what_init_set(puma3: GeneratedController, si
     start(puma3, [7, 8, 9])
     jump = sign * 100_000
     assert step(puma3, [7, 8, jump], velocity=[math.inf] * N)[1] == ENCODER_JUMP
+    assert step(puma3, [7, 8, 9], velocity=[math.nan] * N) == (HOLDING.tolist(), ENCODER_JUMP)
     assert step(puma3, [7, 8, 9], velocity=[math.nan] * N) == (HOLDING.tolist(), NOT_FINITE)
     assert puma3.state.phase == PHASE_START
+    assert puma3.state.lost_ticks == 3
     assert puma3.state.saturated_joints == 0
     assert [m.counts for m in puma3.last_memory] == [7, 8, 9]
     assert [m.applied_torque_Nm for m in puma3.last_memory] == HOLDING.tolist()
@@ -269,12 +293,19 @@ def test_good_ticks_write_their_memory_to_either_index_in_turn(puma3: GeneratedC
 
 @pytest.mark.parametrize("name", ["paper", "all"])
 def test_scratch_is_not_read(make: Make, name: str) -> None:
-    """Two controllers take the same ticks, one with noise in its scratch; bad ticks included."""
+    """Two controllers take the same ticks, one with noise in its scratch; bad ticks included.
+
+    Of a lost tick, the reading is kept there, and read.
+    """
     clean, noisy = make(name), make(name)
     start(clean)
     start(noisy)
-    for tick, spoilt in enumerate([1.0, math.nan, 1.0, 1.0, math.inf, 1.0, 1e30, 1.0]):
+    for tick, spoilt in enumerate([1.0, 1.0, math.nan, 1.0, 1.0, math.inf, 1.0, 1e30, 1.0]):
+        latest = [j.tick[1 - (noisy.state.phase & 1)].counts for j in noisy.state.joint]
         scribble_on_scratch(noisy)
+        for joint, counts in zip(noisy.state.joint, latest, strict=True):
+            if not PHASE_RUNNING <= noisy.state.phase <= PHASE_RUNNING + 1:
+                joint.tick[1 - (noisy.state.phase & 1)].counts = counts
         taken = [
             step(each, [3 * tick, 5 * tick, -tick * tick], velocity=[0.2, 0.1 * spoilt, -0.3])
             for each in (clean, noisy)
@@ -316,17 +347,21 @@ def test_the_widest_limit_of_the_displacement_is_no_jump(
 ) -> None:
     """Sums of the limit and the displacement reach 2^31 - 2 there."""
     for joint in puma3.config.joint:
-        joint.max_displacement = 2**30 - 1
+        joint.max_displacement = joint.max_displacement_change = 2**30 - 1
         joint.torque_limit_Nm = 3e38
-    start(puma3)
-    assert step(puma3, [sign * (2**30 - 1)] * N)[1] == OK
-    assert step(puma3, [_wrap(sign * (2**31 + 1))] * N)[1] == ENCODER_JUMP
-    assert step(puma3, [_wrap(sign * 2**30 - 2**31)] * N)[1] == ENCODER_JUMP
-    assert step(puma3, [_wrap(sign * (2**31 - 2))] * N)[1] == OK
+    for second, status in (
+        (2**31 + 1, ENCODER_JUMP),
+        (2**30 - 2**31, ENCODER_JUMP),
+        (2**31 - 2, OK),
+    ):
+        start(puma3)
+        assert step(puma3, [sign * (2**30 - 1)] * N)[1] == OK
+        assert step(puma3, [_wrap(sign * second)] * N)[1] == status
 
 
 def test_an_infinite_integral_fails_every_tick_until_init(puma3: GeneratedController) -> None:
     """Only the torque is looked at; the header says what errors of 1e30 rad do."""
+    puma3.config.max_lost_ticks = 2
     gains, largest = puma3.config.joint[0], float(np.finfo(np.float32).max)
     gains.inertia_kgm2, gains.kd, gains.kp = 1e-38, 0.0, 3e38
     assert puma3.check_config() == OK
@@ -334,8 +369,8 @@ def test_an_infinite_integral_fails_every_tick_until_init(puma3: GeneratedContro
     _, status = step(puma3, [0] * N, reference_q8=[2 * 10**7, 0, 0], velocity=[-largest, 0.0, 0.0])
     assert status == OK
     assert math.isinf(puma3.last_memory[0].sliding_integral_rad_per_s)
-    for _ in range(3):
-        assert step(puma3, [0] * N)[1] == NOT_FINITE
+    statuses = [step(puma3, [0] * N)[1] for _ in range(3)]
+    assert statuses == [NOT_FINITE, NOT_FINITE, STOPPED]
     start(puma3)
     assert step(puma3, [0] * N)[1] == OK
 

@@ -369,6 +369,10 @@ static void a_controller_error_holds_the_torque_until_the_brakes_do(void)
     ticks(1u);
     const fake_board before = fake;
     encoder_jumps();
+    ticks(app_default_config.lost_tick_limit);
+    EXPECT(application.mode == APP_RUNNING);
+    EXPECT(application.status == TDC_ENCODER_JUMP);
+    EXPECT(torque_is(before.torque));
     ticks(1u);
     EXPECT(application.mode == APP_FAULT);
     EXPECT(application.fault == APP_CONTROLLER_FAULT);
@@ -383,12 +387,33 @@ static void a_controller_error_holds_the_torque_until_the_brakes_do(void)
     EXPECT(torque_is_zero());
 }
 
+static void a_few_lost_ticks_are_ridden_through(void)
+{
+    start_running();
+    ticks(2u);
+    for (uint32_t k = 0u; k < 5u; ++k) {
+        /* There, back, and the first reading that is a tick's way from the one before. */
+        fake.counts[JOINTS - 1u] += 1000000;
+        ticks(1u);
+        EXPECT(application.status == TDC_ENCODER_JUMP);
+        fake.counts[JOINTS - 1u] -= 1000000;
+        ticks(1u);
+        EXPECT(application.status == TDC_ENCODER_JUMP);
+        ticks(1u);
+        EXPECT(application.status == TDC_OK);
+        EXPECT(application.mode == APP_RUNNING);
+    }
+}
+
 static void a_controller_error_takes_the_torque_away_if_so_configured(void)
 {
     start_running();
     gains.on_error = TDC_ZERO_TORQUE;
     fake.reference.REFERENCE_VELOCITY[0] = IMPOSSIBLE_VELOCITY;
     ticks(1u);
+    EXPECT(application.mode == APP_RUNNING);
+    EXPECT(torque_is_zero());
+    ticks(app_default_config.lost_tick_limit);
     EXPECT(application.mode == APP_FAULT);
     EXPECT(application.status == IMPOSSIBLE);
     EXPECT(torque_is_zero());
@@ -677,6 +702,7 @@ static const check checks[] = {
     CHECK(disabling_while_running_engages_the_brakes_at_once),
     CHECK(saturation_is_no_fault),
     CHECK(a_controller_error_holds_the_torque_until_the_brakes_do),
+    CHECK(a_few_lost_ticks_are_ridden_through),
     CHECK(a_controller_error_takes_the_torque_away_if_so_configured),
     CHECK(an_init_error_is_a_fault),
     CHECK(an_encoder_error_is_a_fault),

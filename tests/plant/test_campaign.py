@@ -365,7 +365,7 @@ def test_workers_compile_nothing(
 @pytest.mark.parametrize(
     ("old", "new", "reason"),
     [
-        ("[0.5, 1.5]", "40", "the controller reported status -4 at tick"),
+        ("[0.5, 1.5]", "40", "the controller reported status -7 at tick"),
         ("[0.9, 1.1]", "3", "cannot hold its start posture"),
     ],
 )

@@ -56,7 +56,7 @@ from verification.chain.program import (
     image,
 )
 from verification.chain.vectors import Vectors, case_type, is_refused, recorded
-from verification.equivalence import Compiled, compiled
+from verification.equivalence import STOPPED, Compiled, compiled
 from verification.evidence import Evidence
 from verification.experiments import CONTROLLERS
 from verification.firmware import STUB, ToolError, board_names, load_board
@@ -128,7 +128,7 @@ def test_no_result_holds_a_nan(name: str) -> None:
     for result in results:
         assert not np.isnan(result["torque_Nm"]).any()
         # A refused step leaves all as it found it.
-        good = ~np.isin(result["status"], (BAD_ARGUMENT, NOT_INITIALISED))
+        good = ~np.isin(result["status"], (BAD_ARGUMENT, NOT_INITIALISED, STOPPED))
         for field in ("sliding_integral_rad_per_s", "applied_torque_Nm"):
             assert not np.isnan(last_memory(result["state"])[field][good]).any()
 
@@ -236,13 +236,13 @@ HOST_MUTANTS = {
     ),
     "jump forwards not looked for": (
         "tdc_puma3.c",
-        "(limit - (uint32_t)displacement) | (limit + (uint32_t)displacement)",
-        "(limit + (uint32_t)displacement)",
+        "((uint32_t)limit - (uint32_t)counts) | ((uint32_t)limit + (uint32_t)counts)",
+        "((uint32_t)limit + (uint32_t)counts)",
     ),
     "jump backwards not looked for": (
         "tdc_puma3.c",
-        "(limit - (uint32_t)displacement) | (limit + (uint32_t)displacement)",
-        "(limit - (uint32_t)displacement)",
+        "((uint32_t)limit - (uint32_t)counts) | ((uint32_t)limit + (uint32_t)counts)",
+        "((uint32_t)limit - (uint32_t)counts)",
     ),
     "phase between start and running taken": (
         "tdc_puma3.c",
@@ -257,8 +257,8 @@ HOST_MUTANTS = {
     ),
     "unfilled memory taken": (
         "tdc_puma3.c",
-        "if (state->phase == TDC_PHASE_START) {",
-        "if (state->phase != 0u) {",
+        "if ((state->phase != TDC_PHASE_START) && ((state->phase - TDC_PHASE_LOST) > 1u)) {",
+        "if (state->phase == 0u) {",
     ),
     "torque left unwritten": ("tdc_puma3.c", "} else if (torque_Nm != NULL) {", "} else if (0) {"),
 }
@@ -431,7 +431,7 @@ def test_a_program_that_does_not_run_is_told(
     broken = tmp_path / "chain.elf"
     if content is not None:
         broken.write_bytes(content)
-    with pytest.raises(ToolError, match="after 0 of 68 bytes; the emulator says"):
+    with pytest.raises(ToolError, match="after 0 of 76 bytes; the emulator says"):
         Target(load_board("riscv-virt"), broken, library_of("puma3")).summaries(Blocks(1, 1))
 
 

@@ -185,7 +185,7 @@ def special_cases(recorded: Replayed, controller: Controller) -> tuple[Replayed,
         make.error("largest position error", 2**31 - 1),
         make.error("largest negative position error", -(2**31)),
         _across_the_wrap(recorded),
-        make.moved("fastest plausible motion", 0, Outcome.LIMIT),
+        make.moved("fastest plausible motion", 0, Outcome.USUAL),
         make.moved("encoder jump", 1, Outcome.ERROR),
         *own,
     )
@@ -232,13 +232,18 @@ class _Cases:
         return self.case(name, replace(self.usual, position_q8=q8), Outcome.LIMIT)
 
     def moved(self, name: str, further: int, outcome: Outcome) -> Replayed:
-        """Moved in the last tick as far as is plausible, and this much further [count]."""
-        before = self.recorded.ticks[_SETTLING - 1].counts
-        counts = tuple(
-            _wrap(c + joint.max_displacement + further)
-            for c, joint in zip(before, self.controller.joints, strict=True)
-        )
-        return self.case(name, replace(self.usual, counts=counts), outcome)
+        """As fast as is plausible with its reference, at last this much further [count]."""
+        zeros = (0.0,) * self.joints
+        limits = tuple(joint.max_displacement for joint in self.controller.joints)
+
+        def tick(number: int, beyond: int) -> Tick:
+            counts = tuple(limit * number + beyond for limit in limits)
+            q8 = tuple(256 * c for c in counts)
+            return Tick(counts, q8, _plausible(self.controller)[0], zeros)
+
+        ticks = (tick(1, 0), tick(2, 0), tick(3, further))
+        rest = (0,) * self.joints
+        return Replayed(name, Kind.SPECIAL, outcome, rest, zeros, ticks)
 
     def still(self, name: str, *values: float) -> Replayed:
         """At rest at zero until the reference has this velocity [rad/s]."""

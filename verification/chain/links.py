@@ -23,7 +23,7 @@ from codegen.controller import Controller
 from codegen.law import LawFunction, measurement, switch_on, torque_law
 from codegen.problems import Problem, SpecificationError
 from codegen.sig_pow import tables
-from verification.cases import Cases, Records, is_running, last_memory
+from verification.cases import Cases, Records, is_running, is_starting, last_memory
 from verification.chain.forward_error import Bounded, distance, exact_law, exactly
 from verification.chain.program import (
     STATUSES,
@@ -49,8 +49,11 @@ from verification.equivalence import (
     Outputs,
     checks,
     compiled,
+    frozen_joints,
     integers,
+    jumps,
     outputs,
+    stops,
 )
 from verification.evidence import Evidence
 from verification.firmware import Board
@@ -262,8 +265,10 @@ class Modelled:
     """Vectors that the controller must not refuse, with the models' view of them.
 
     Attributes:
-        vectors: in the group ``encoder jump`` where there is one, whatever they are there for.
+        vectors: in the group ``encoder jump`` or ``stopped`` where that is so, whatever they are
+            there for.
         refused: how many others there were, which the controller must refuse.
+        stopped: whether too many ticks were lost, shape (steps,).
         jump: whether there is one, shape (steps,).
         whole: what the C computes in integers.
         law: in double and as enclosures.
@@ -271,6 +276,7 @@ class Modelled:
 
     vectors: Vectors
     refused: int
+    stopped: Flags
     jump: Flags
     whole: Integers
     law: Outputs
@@ -282,13 +288,12 @@ def modelled(library: Compiled, vectors: Vectors) -> Modelled:
     cases = accepted.cases
     running = is_running(cases.state)
     whole = integers(cases, running)
-    limit = cases.config["joint"]["max_displacement"].astype(np.int64)
-    jump: Flags = np.any(np.abs(whole.displacement) > limit, axis=1)
+    stopped, jump = stops(cases), jumps(cases, whole)
     with np.errstate(all="ignore"):  # some vectors hold NaN and infinities on purpose
         law = outputs(cases, library.controller, whole, running)
-    group = np.where(jump, "encoder jump", accepted.group)
+    group = np.where(stopped, "stopped", np.where(jump, "encoder jump", accepted.group))
     return Modelled(
-        Vectors(accepted.records, group), len(vectors) - len(accepted), jump, whole, law
+        Vectors(accepted.records, group), len(vectors) - len(accepted), stopped, jump, whole, law
     )
 
 
@@ -362,12 +367,12 @@ def _exact(controller: Controller, cases: Cases, doubles: dict[str, Doubles]) ->
     measure, start, law = parts
     known |= exact_law(measure, known)
     first = exact_law(start, known)["sliding_integral"]
-    running = is_running(cases.state)[:, None]
+    goes_on = ~is_starting(cases.state)[:, None]
     # A first tick's memory may hold any bits there, which are no number and not used.
     integral = last_memory(cases.state)["sliding_integral_rad_per_s"]
-    remembered = exactly(np.where(running, integral, np.float32(0.0)))
+    remembered = exactly(np.where(goes_on, integral, np.float32(0.0)))
     known["sliding_integral"] = Bounded(
-        np.where(running, remembered.value, first.value), np.where(running, 0.0, first.error)
+        np.where(goes_on, remembered.value, first.value), np.where(goes_on, 0.0, first.error)
     )
     return known | exact_law(law, known)
 
@@ -427,10 +432,10 @@ def double_to_host(library: Compiled, model: Modelled, host: Host, vectors: Vect
         vectors: all of them, those that the controller must refuse included.
     """
     cases = model.vectors.cases
-    jump = model.jump
+    lost = model.stopped | model.jump
     reach = float_range(library.controller, model.law)
     finite = _finite_inputs(cases)
-    decided = jump | ~finite | ~reach.unsure
+    decided = lost | ~finite | ~reach.unsure
     results = host.take(model.vectors.records)
     batch = Batch(
         cases,
@@ -439,19 +444,20 @@ def double_to_host(library: Compiled, model: Modelled, host: Host, vectors: Vect
         results["status"].astype(np.int64),
         model.whole,
         model.law,
-        jump,
-        finite & ~jump & ~reach.left,
+        model.stopped,
+        model.jump,
+        finite & ~lost & ~reach.left,
     )
     violations = [*_violations(batch, decided, library), *_refusals(vectors, host)]
     compared = batch.good & decided
     # Saturation brings two torques closer, never further apart: the bound is that before it.
     demanded = "filtered_torque" if library.controller.options.low_pass else "control_torque"
     integral = last_memory(results["state"])["sliding_integral_rad_per_s"]
+    apart, room = _apart(batch, "next_sliding_integral", "next_sliding_integral", integral)
     ends = {
         "limited_torque": _apart(batch, "limited_torque", demanded, results["torque_Nm"]),
-        "next_sliding_integral": _apart(
-            batch, "next_sliding_integral", "next_sliding_integral", integral
-        ),
+        # That of a saturated joint doesn't follow the law, and is looked at among the violations.
+        "next_sliding_integral": (np.where(frozen_joints(batch), 0.0, apart), room),
     }
     return NumericLink(
         DOUBLE_TO_HOST,

@@ -35,6 +35,7 @@ UNWRITTEN = -12345
 """What a torque is where the step wrote none (``target/steps.h``)."""
 
 STATUSES = (
+    "stopped",
     "out of range",
     "not finite",
     "encoder jump",
@@ -44,9 +45,9 @@ STATUSES = (
     "good",
     "saturated",
 )
-"""Statuses in the order of their numbers, from TDC_OUT_OF_RANGE = -6 to TDC_SATURATED = 1."""
+"""Statuses in the order of their numbers, from TDC_STOPPED = -7 to TDC_SATURATED = 1."""
 
-FIRST_STATUS = -6
+FIRST_STATUS = -7
 
 SUMMARY = np.dtype(
     [
@@ -54,6 +55,7 @@ SUMMARY = np.dtype(
         ("statuses", "<u4", (len(STATUSES),)),
         ("refused", "<u4"),
         ("refused_torques", "<u4"),
+        ("nothing", "<u4"),
     ]
 )
 """The C's ``block_summary``."""

@@ -20,15 +20,16 @@ from numpy.typing import NDArray
 
 from codegen.sig_pow import exponent_q31
 from verification.cases import (
+    PHASE_LOST,
     PHASE_RUNNING,
     PHASE_START,
     REGIMES,
-    RUNNING_PHASES,
     Cases,
     Records,
     disperse,
     draw,
     first_index,
+    is_filled,
     wrap,
 )
 from verification.equivalence import Compiled
@@ -135,6 +136,7 @@ def _directed(library: Compiled) -> Iterator[tuple[str, Records]]:
         "subnormal": _subnormal,
         "gains": _gains,
         "first tick": _first_tick,
+        "lost ticks": _lost_ticks,
         "not finite": _not_finite,
         "refused": _refused,
     }
@@ -205,8 +207,32 @@ def _wrap_around(library: Compiled) -> Iterator[Records]:
         record["input"]["reference_position_q8"] = wrap(wrap(now * 256) + error)
         # As the limit ships, and as wide as it may be set.
         yield record.copy()
-        record["config"]["joint"]["max_displacement"] = 2**30 - 1
+        for limit in ("max_displacement", "max_displacement_change"):
+            record["config"]["joint"][limit] = 2**30 - 1
         record["config"]["joint"]["torque_limit_Nm"] = FLOAT_MAX
+        yield record
+
+
+def _lost_ticks(library: Compiled) -> Iterator[Records]:
+    """Readings at and beyond what is plausible after a lost tick, and after too many."""
+    largest = library.controller.joints[0].max_displacement
+    change = library.controller.max_displacement_change(library.controller.joints[0])
+    for moved in (change, -change, change + 1, -change - 1):
+        record = _standstill(library)
+        record["input"]["counts"] = moved
+        yield record
+    ways = itertools.product((1, -1), (0, 1), (0, 1), (PHASE_START, PHASE_LOST), (0, 1, 2, 3))
+    for side, beyond, beyond_all, phase, lost in ways:
+        record = _standstill(library)
+        record["config"]["max_lost_ticks"] = 3
+        record["state"]["phase"], record["state"]["lost_ticks"] = phase, lost
+        _memory(record)["sliding_integral_rad_per_s"] = 0.125
+        # The latest reading is a tick's way from this one, the last good one several ticks'.
+        record["input"]["counts"] = side * (largest * (lost + 1) + beyond_all)
+        latest = side * (largest * lost + beyond_all - beyond)
+        record["state"]["joint"]["tick"]["counts"][..., 1] = latest
+        yield record.copy()
+        record["config"]["joint"]["max_displacement"] = 2**20
         yield record
 
 
@@ -316,7 +342,7 @@ def _refused(library: Compiled) -> Iterator[Records]:
         record = moving.copy()
         record["missing"] = missing
         yield record
-    for phase in (0, PHASE_START - 1, PHASE_START + 1, PHASE_RUNNING + 2, 2**32 - 1):
+    for phase in (0, PHASE_START - 1, PHASE_START + 1, PHASE_LOST + 2, 2**32 - 1):
         record = moving.copy()
         record["state"]["phase"] = phase
         yield record
@@ -329,6 +355,5 @@ def float_inputs(given: Records) -> list[str]:
 
 def is_refused(records: Records) -> NDArray[np.bool_]:
     """Steps that the controller must not take: an argument is missing, or the state is unfilled."""
-    filled = np.isin(records["state"]["phase"], (PHASE_START, *RUNNING_PHASES))
-    refused: NDArray[np.bool_] = (records["missing"] != 0) | ~filled
+    refused: NDArray[np.bool_] = (records["missing"] != 0) | ~is_filled(records["state"])
     return refused

@@ -18,6 +18,7 @@ from verification.evidence import Evidence
 from verification.experiments import CONTROLLERS
 from verification.workspace.certify import (
     LIMIT,
+    STAGES,
     Certified,
     WorkspaceError,
     certified_eigenvalues,
@@ -57,8 +58,10 @@ def run(arguments: argparse.Namespace, output: Output) -> int:
     robot = load_robot(arguments.robot, lock_wrist=arguments.lock_wrist)
     Mbar = [joint.inertia for joint in load(arguments.controller).joints]
     started = time.perf_counter()
-    with output.status("searching and checking boxes"):
-        found = certified_eigenvalues(robot, Mbar, within_ranges=arguments.within_ranges)
+    with output.bar("searching and checking boxes", STAGES) as advance:
+        found = certified_eigenvalues(
+            robot, Mbar, within_ranges=arguments.within_ranges, advance=advance
+        )
     seconds = time.perf_counter() - started
     if arguments.certificate is not None:
         _write(found.certificate, arguments.certificate)
@@ -82,6 +85,8 @@ def _figures(found: Certified, robot: str, seconds: float) -> dict[str, Any]:
         "robot": robot,
         "eigenvalues": [float(found.low), float(found.high)],
         "sampled": found.sampled,
+        "tight": found.tight,
+        "pessimism": found.pessimism,
         "holds_33": found.holds_33,
         "largest_scaling": float(found.largest_scaling),
         "boxes": found.boxes,
@@ -112,6 +117,12 @@ def _print(found: Certified, seconds: float, output: Output) -> None:
         else:
             say(f"{condition} stays open; it holds with Mbar {scaling} times as large.")
         say("[green]proved[/green]: the certificate was verified by the independent checker")
+        if not found.tight:
+            low, high = found.pessimism
+            say(
+                f"[yellow]coarser[/yellow]: the bounds are at most {low:.1%} (below) and "
+                f"{high:.1%} (above) pessimistic; the truth is between them and the samples."
+            )
     for complaint in found.complaints:
         say(f"[red]NOT proved[/red]: {escape(complaint)}")
     say(f"{found.boxes} boxes, {seconds:.1f} s. {MEANING}")

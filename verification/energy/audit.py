@@ -52,14 +52,28 @@ def sliding_energy(sliding: Floats) -> Floats:
 
 
 def tde_error(gains: Gains, recording: Recording) -> Floats:
+    """eps of (11) along a recording, as of :func:`tde_error_of`."""
+    return tde_error_of(gains.inertia_kgm2, recording.torque_Nm, recording.acceleration)
+
+
+def tde_error_of(
+    inertia_kgm2: Floats, torque_Nm: Floats, acceleration: Floats, *, late: int = 0
+) -> Floats:
     """eps of (11) from torques and counts [rad/s^2], shape (ticks - 2, n).
 
     Mbar^-1 (N - N(t-L)), where N of a tick is its torque minus Mbar times the second difference
     that ends one tick later (``verification.symbolic.sampled_closed_loop``). The first row is of
     tick 1, which has a torque of the law before it, the last of the last tick but one.
+
+    Args:
+        inertia_kgm2: Mbar, shape (n,).
+        torque_Nm: of each tick, shape (ticks, n).
+        acceleration: second difference of the counts that ends at a tick, shape (ticks, n).
+        late: 1 where the law estimates N(t-L) by the second difference of one tick before.
     """
-    torque = np.diff(recording.torque_Nm, axis=0)[:-1] / gains.inertia_kgm2
-    return torque - np.diff(recording.acceleration, axis=0)[1:]
+    torque = np.diff(torque_Nm, axis=0)[:-1] / inertia_kgm2
+    estimate = acceleration[1 - late : len(acceleration) - 1 - late]
+    return torque - (acceleration[2:] - estimate)
 
 
 def reference_mismatch(recording: Recording) -> Floats:

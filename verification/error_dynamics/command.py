@@ -80,7 +80,7 @@ def _write_certificate(found: ErrorDynamics, path: Path) -> None:
 
 # --- For people --------------------------------------------------------------------------------
 
-_ENDS = {
+ENDS = {
     Kind.FINITE_TIME: "finite time: exactly zero after the settling time",
     Kind.EXPONENTIAL: "exponential: never exactly zero, a share per time",
     Kind.ASYMPTOTIC: "asymptotic: to zero, but slower than any exponential",
@@ -88,7 +88,7 @@ _ENDS = {
     Kind.STICTION: "stiction: stops, but not at zero",
     Kind.NOT_CONVERGENT: "does not converge",
 }
-_LOOKS = {
+LOOKS = {
     Approach.NODE: "node: straight in, along a curve",
     Approach.CRITICAL: "node, critically damped",
     Approach.FOCUS: "focus: turns around zero",
@@ -113,10 +113,10 @@ def table_of(found: ErrorDynamics) -> Table:
 
 def _rows(found: ErrorDynamics) -> Iterator[tuple[str, str, str]]:
     enclosed = "enclosed"
-    yield "the error ends", _ENDS[found.kind], found.evidence
+    yield "the error ends", ENDS[found.kind], found.evidence
     if found.equilibrium is not None:
         by_value = enclosed if found.kd_star else "hand proof"
-        yield "the origin is a", _LOOKS[found.equilibrium], by_value
+        yield "the origin is a", LOOKS[found.equilibrium], by_value
     start = f"from e = {show(found.start[0])} rad, ed = {show(found.start[1])} rad/s"
     for name, value, write in (
         ("a node from KD =", found.kd_star, _number),

@@ -17,9 +17,11 @@
 #ifdef TDC_FIXED_H
 #define SLIDING_INTEGRAL sliding_integral_q
 #define APPLIED_TORQUE applied_torque_q
+#define SLIDING_INTEGRAL sliding_integral_q
 #else
 #define SLIDING_INTEGRAL sliding_integral_rad_per_s
 #define APPLIED_TORQUE applied_torque_Nm
+#define SLIDING_INTEGRAL sliding_integral_rad_per_s
 #endif
 
 /** Bob Jenkins's small fast generator, 32 bits: any seed is a good one. */

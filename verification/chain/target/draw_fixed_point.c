@@ -67,6 +67,8 @@ static void draw_joint(generator *const g, const regime far, controller_joint_co
         gains->inertia_factor = signed_up_to(g, (uint32_t)INT32_MAX);
         gains->torque_limit_q = tdc_signed(1u + magnitude_up_to(g, (uint32_t)INT32_MAX - 1u));
         gains->max_displacement = tdc_signed(1u + magnitude_up_to(g, MOST_COUNTS - 1u));
+        gains->max_displacement_change =
+            tdc_signed(1u + magnitude_up_to(g, (2u * MOST_COUNTS) - 1u));
     }
 }
 
@@ -74,6 +76,10 @@ regime draw_config(generator *const g, controller_config *const config)
 {
     *config = controller_default_config;
     config->on_error = (draw_word(g) >> 13u) & 1u;
+    config->anti_windup = (draw_word(g) >> 17u) & 1u;
+    if (draw_once_in(g, 4u)) {
+        config->max_lost_ticks = 1u + (draw_word(g) >> 30u);
+    }
     const regime far = draw_regime(g);
     if ((far == RIG) && draw_once_in(g, 2u)) {
         return far; /* the gains as they ship */
@@ -133,7 +139,7 @@ void draw_input(generator *const g, const regime far, step_case *const step)
         const controller_joint_state *const last = step_last_memory(&step->state, j);
         const int32_t moved = draw_displacement(g, far, step, last, j);
         const int32_t most = step->config.joint[j].max_displacement;
-        const uint32_t counts = (uint32_t)last->counts + (uint32_t)moved;
+        const uint32_t counts = (uint32_t)step_latest_counts(&step->state, j) + (uint32_t)moved;
         const uint32_t error = draw_integer_below(g, (far == RIG) ? 17u : 0u);
         input->counts[j] = tdc_signed(counts);
         input->reference_position_q8[j] = tdc_signed((counts * 256u) + error);

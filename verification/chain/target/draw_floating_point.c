@@ -74,6 +74,10 @@ regime draw_config(generator *const g, controller_config *const config)
 {
     *config = controller_default_config;
     config->on_error = (draw_word(g) >> 13u) & 1u;
+    config->anti_windup = (draw_word(g) >> 17u) & 1u;
+    if (draw_once_in(g, 4u)) {
+        config->max_lost_ticks = 1u + (draw_word(g) >> 30u);
+    }
     const regime far = draw_regime(g);
     if ((far == RIG) && draw_once_in(g, 2u)) {
         return far; /* the gains as they ship */
@@ -87,6 +91,8 @@ regime draw_config(generator *const g, controller_config *const config)
         config->joint[j].torque_limit_Nm = positive_in(g, range->torque_limit);
         if (far != RIG) {
             config->joint[j].max_displacement = (int32_t)((draw_word(g) >> 3u) + 0x20000000u);
+            config->joint[j].max_displacement_change =
+                (int32_t)((draw_word(g) >> 3u) + 0x20000000u);
         }
         if (draw_once_in(g, 2u)) {
             config->joint[j].alpha.minus_one_q31 = draw_exponent(g);
@@ -129,7 +135,7 @@ void draw_input(generator *const g, const regime far, step_case *const step)
         const controller_joint_state *const last = step_last_memory(&step->state, j);
         const uint32_t moved =
             even ? (uint32_t)last->displacement : draw_displacement(g, step, j, range);
-        const uint32_t counts = (uint32_t)last->counts + moved;
+        const uint32_t counts = (uint32_t)step_latest_counts(&step->state, j) + moved;
         const uint32_t error = draw_integer_below(g, (far == RIG) ? 17u : 0u);
         input->counts[j] = tdc_signed(counts);
         input->reference_position_q8[j] = tdc_signed((counts * 256u) + error);

@@ -23,14 +23,35 @@ static controller_joint_state *scratch_memory(controller_state *const state, con
     return &state->joint[j].tick[(state->phase & 1u) ^ 1u];
 }
 
-/* What the first tick takes from a memory; it finds out the rest from its own input. */
-static controller_joint_state started_from(const controller_joint_state *const memory)
+static bool is_running(const controller_state *const state)
 {
-    const controller_joint_state start = {
-        .counts = memory->counts,
-        .APPLIED_TORQUE = memory->APPLIED_TORQUE,
-    };
-    return start;
+    return (state->phase - TDC_PHASE_RUNNING) <= 1u;
+}
+
+int32_t step_latest_counts(controller_state *const state, const uint32_t j)
+{
+    return is_running(state) ? step_last_memory(state, j)->counts
+                             : scratch_memory(state, j)->counts;
+}
+
+/*
+ * Puts what a tick takes from the memory of another state into one; the first tick, and one after
+ * lost ones, find out the rest from their own input.
+ */
+static void take_over(controller_state *const state, controller_state *const from, const uint32_t j)
+{
+    controller_joint_state *const to = step_last_memory(state, j);
+    const controller_joint_state *const last = step_last_memory(from, j);
+    if (is_running(from)) {
+        *to = *last;
+    } else {
+        to->counts = last->counts;
+        to->APPLIED_TORQUE = last->APPLIED_TORQUE;
+        scratch_memory(state, j)->counts = scratch_memory(from, j)->counts;
+        if (from->phase != TDC_PHASE_START) {
+            to->SLIDING_INTEGRAL = last->SLIDING_INTEGRAL;
+        }
+    }
 }
 
 /*
@@ -39,12 +60,12 @@ static controller_joint_state started_from(const controller_joint_state *const m
  */
 static void clear_scratch(controller_state *const state)
 {
+    controller_state all = *state;
     static const controller_joint_state nothing = {0};
     for (uint32_t j = 0u; j < JOINTS; ++j) {
-        *scratch_memory(state, j) = nothing;
-        if (state->phase == TDC_PHASE_START) {
-            *step_last_memory(state, j) = started_from(step_last_memory(state, j));
-        }
+        state->joint[j].tick[0] = nothing;
+        state->joint[j].tick[1] = nothing;
+        take_over(state, &all, j);
     }
 }
 
@@ -54,7 +75,8 @@ static void clear_scratch(controller_state *const state)
 static bool is_refused(const step_result *const result)
 {
     bool refused = false;
-    if ((result->status == TDC_BAD_ARGUMENT) || (result->status == TDC_NOT_INITIALISED)) {
+    if ((result->status == TDC_BAD_ARGUMENT) || (result->status == TDC_NOT_INITIALISED) ||
+        (result->status == TDC_STOPPED)) {
         refused = true;
     }
     return refused;
@@ -119,14 +141,11 @@ static void draw_bits(generator *const g, controller_joint_state *const memory)
 /* Any bits at all where a step must not look. */
 static void fill_scratch(generator *const g, controller_state *const state)
 {
+    controller_state all = *state;
     for (uint32_t j = 0u; j < JOINTS; ++j) {
-        draw_bits(g, scratch_memory(state, j));
-        if (state->phase == TDC_PHASE_START) {
-            const controller_joint_state start = started_from(step_last_memory(state, j));
-            draw_bits(g, step_last_memory(state, j));
-            step_last_memory(state, j)->counts = start.counts;
-            step_last_memory(state, j)->APPLIED_TORQUE = start.APPLIED_TORQUE;
-        }
+        draw_bits(g, &state->joint[j].tick[0]);
+        draw_bits(g, &state->joint[j].tick[1]);
+        take_over(state, &all, j);
     }
 }
 
@@ -216,7 +235,7 @@ void block_take(const uint32_t block, const uint32_t steps, block_summary *const
         step_take(&step, &result);
         summary->hash = folded(summary->hash, &step, sizeof step);
         summary->hash = folded(summary->hash, &result, sizeof result);
-        const uint32_t status = (uint32_t)(result.status - TDC_OUT_OF_RANGE);
+        const uint32_t status = (uint32_t)(result.status - TDC_STOPPED);
         if (status < STATUSES) {
             ++summary->statuses[status];
         }

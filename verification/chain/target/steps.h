@@ -37,8 +37,8 @@ typedef struct {
 
 #define STEP_UNWRITTEN ((controller_number) - 12345)
 
-/** Statuses from TDC_OUT_OF_RANGE to TDC_SATURATED, counted by status - TDC_OUT_OF_RANGE. */
-#define STATUSES 8u
+/** Statuses from TDC_STOPPED to TDC_SATURATED, counted by status - TDC_STOPPED. */
+#define STATUSES 9u
 
 /** What is left of a block of random steps. */
 typedef struct {
@@ -46,13 +46,17 @@ typedef struct {
     uint32_t statuses[STATUSES];
     uint32_t refused;         /* configurations that check_config and init did not take */
     uint32_t refused_torques; /* holding torques that init did not take */
+    uint32_t nothing;         /* so that there is no padding */
 } block_summary;
 
 /** What is told of each step of a block. */
 typedef void block_observer(void *context, const step_case *step, const step_result *result);
 
-/** The last tick's memory of a joint: its index is the lowest bit of the phase. */
+/** The last good tick's memory of a joint: its index is the lowest bit of the phase. */
 controller_joint_state *step_last_memory(controller_state *state, uint32_t j);
+
+/** The position of a joint at the last tick, which may be a lost one. */
+int32_t step_latest_counts(controller_state *state, uint32_t j);
 
 /** Takes a step from a copy of its state. */
 void step_take(const step_case *step, step_result *result);
