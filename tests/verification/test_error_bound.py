@@ -246,7 +246,7 @@ def test_the_checkers_outward_rates_bound_all_that_a_disturbance_can_do(made: Ma
         field = check._Field(*gains, Fraction(1), of_velocity)
         corners = [(Fraction(e), Fraction(w)) for e, w in made[name]["corners"]]
         verdicts = set()
-        for start, end in itertools.pairwise(corners[::40]):
+        for start, end in list(itertools.pairwise(corners))[::5]:
             angle = rng.choice((0.0, 0.0, 0.2, -0.2, 1.0))
             (e, w), (f, x) = ((float(p), float(q)) for p, q in (start, end))
             size = abs(f - e) / max(abs(x - w), 1e-9)
