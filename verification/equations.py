@@ -25,6 +25,7 @@ from verification.certificates.error_dynamics import check as lyapunov_check
 from verification.certificates.error_dynamics import prove as lyapunov_prove
 from verification.certificates.sig_pow import check as power_check
 from verification.certificates.sig_pow import prove as power_prove
+from verification.error_bound import error_bound
 from verification.error_dynamics.analysis import analyse
 from verification.error_dynamics.classes import classify
 from verification.error_dynamics.model import Parameters, finite_time_beta
@@ -147,6 +148,7 @@ def links(number: int, proofs: Iterable[Proof]) -> Links:
 _SYMBOLIC = "tests/verification/test_symbolic.py::"
 _DYNAMICS = "tests/verification/test_error_dynamics.py::"
 _LYAPUNOV = "tests/verification/test_error_dynamics_certificate.py::"
+_BOUND = "tests/verification/test_error_bound.py::"
 _CASES = "tests/verification/test_special_cases.py::"
 _FIGURES = "tests/verification/test_figures.py::"
 _INTERVAL = "tests/verification/test_sampled_stability.py::"
@@ -534,10 +536,18 @@ _ANALYSIS = (
         38,
         "gamma > 0: |s_i| < (xi/lambda_min)^(1/gamma_i) in the end.",
         Evidence.PROVED,
-        "for one joint: outside the bound Vs falls, for every eps within xi; in continuous time",
+        "for one joint: outside the bound Vs falls, for every eps within xi; in continuous time. "
+        "What it means for e the paper does not say: a bound of |e| is proved for given gains, one "
+        "certificate for each, and the number (xi/lambda)^(1/gamma) is enclosed in it",
         symbolic.sliding_bound,
-        tests=(_SYMBOLIC + "test_another_bound_than_38_is_not_proved",),
-        commands=("energy",),
+        error_bound,
+        tests=(
+            _SYMBOLIC + "test_another_bound_than_38_is_not_proved",
+            _BOUND + "test_the_bound_of_s_is_enclosed",
+            _BOUND + "test_the_papers_gains",
+            _BOUND + "test_damaged_certificates_are_refused",
+        ),
+        commands=("error-bound", "energy"),
     ),
     *(
         _equation(

@@ -5,11 +5,15 @@ disturbance can give the motion, turned outwards a little, until it comes to res
 other half is its mirror image. Where it arrives no farther out than it began, it is closed. Each
 curve that closes is a barrier; the march is repeated from closer in while it still does.
 
+Where the damping is strong, motions come to rest along a node's lines, and three corners do for a
+disturbance of the acceleration: the march, which follows the motions, would need very many.
+
 Nothing here is a proof: what the corners are worth is for the checker to say.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -56,6 +60,14 @@ _BACK = 0.3
 _STEEPEST = 0.995
 _MOST_LEAN = 10.0
 """The last edge is at least so much longer than it is leant."""
+_NODE_FARTHER = 1.001
+"""Than where the largest disturbance holds the error still."""
+_NODE_LEANS = (1e-3, 1e-5)
+"""Of the edge from rest, outwards, relative."""
+_NODE_LEAST = 1e-6
+"""Inwards, relative to what each term alone gives."""
+_ALONG = np.linspace(0.0, 1.0, 101)
+"""Where on an edge of these."""
 
 
 _TOO = "the damping is too weak, or too strong, for a curve of few edges"
@@ -217,6 +229,35 @@ def barrier(system: Disturbed, turn: float, bend: float) -> list[Point]:
     if curve.gap > _WIDEST:
         raise NoBarrierError(_TOO)
     return curve.closed()
+
+
+def at_a_node(system: Disturbed) -> list[Point]:
+    """Three corners, (-E, 0), (-E - h, k (2E + h)), (E, 0): motions cross e' = k (E - e) inwards.
+
+    Linear and overdamped, k may be anything between the two roots of k^2 - KD k + KP.
+
+    Args:
+        system: whose motions it keeps in; with a disturbance of the acceleration.
+
+    Raises:
+        NoBarrierError: the damping is not strong enough for it.
+    """
+    far = _NODE_FARTHER * (system.size / system.KP) ** (1 / system.beta)
+    slopes = np.geomspace(system.KP / system.KD / 8, 8 * system.KD, 60)
+    for slope, lean in itertools.product(map(float, slopes), _NODE_LEANS):
+        top = (-far * (1 + lean), slope * far * (2 + lean))
+        corners = [(-far, 0.0), top, (far, 0.0)]
+        if all(_enters(system, *edge) for edge in itertools.pairwise(corners)):
+            return corners
+    raise NoBarrierError("the damping is too weak for three corners")
+
+
+def _enters(system: Disturbed, start: Point, end: Point) -> bool:
+    """Whether motions cross an edge inwards in all places that are looked at."""
+    right, up = end[0] - start[0], end[1] - start[1]
+    x, y = system.velocities(start[0] + _ALONG * right, start[1] + _ALONG * up)
+    outward, size = right * y - up * x, np.abs(right * y) + np.abs(up * x)
+    return bool(np.all(outward < -_NODE_LEAST * size))
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,7 @@ from __future__ import annotations
 import functools
 import itertools
 import json
+import math
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -133,7 +134,7 @@ def _sliding(claimed: Mapping[str, Any], gains: Mapping[str, Fraction]) -> Itera
         yield "sliding: not an enclosure, or a loose one"
     elif _is_less(high, ratio, 1 / gains["gamma"]):
         yield "sliding: (xi/lambda)^(1/gamma) is larger"
-    elif not (low == high or _is_less(low, ratio, 1 / gains["gamma"])):
+    elif _is_less(1 / low, 1 / ratio, 1 / gains["gamma"]):
         yield "sliding: (xi/lambda)^(1/gamma) is smaller"
 
 
@@ -173,8 +174,8 @@ def _barrier(
     if not 2 < len(corners) <= _MOST_CORNERS:
         yield "not a curve"
         return
-    if own <= 0:
-        yield "the disturbance is not positive"
+    if own <= 0 or bound <= 0:
+        yield "the disturbance or the bound is not positive"
         return
     crooked = _crooked(corners, 2 - alpha if homogeneous else Fraction(1))
     if crooked:
@@ -245,8 +246,30 @@ class _Field:
         for _ in range(_MOST_BOXES):
             if not waiting:
                 return True
-            waiting += self._open(start, end, waiting.pop())
+            box = waiting.pop()
+            if self._leaves(start, end, box):
+                return False
+            waiting += self._open(start, end, box)
         return False
+
+    def _leaves(self, start: _Point, end: _Point, box: _Box) -> bool:
+        """Whether a motion in the middle of a box goes outwards, in floating point.
+
+        It refuses sooner, and verifies nothing.
+        """
+        up, across = (float(x) for x in (end[0] - start[0], start[1] - end[1]))
+        share, disturbance = (float(x) for x in box.middle)
+        v = float(start[1]) - share * across
+        push = float(self.size) * (disturbance if self.of_velocity else 1.0)
+        v, push = (v + push, 0.0) if self.of_velocity else (v, abs(up) * push)
+        forces = (
+            float(gain) * math.copysign(abs(x) ** float(exponent), x)
+            for gain, x, exponent in (
+                (self.KD, v, self.alpha),
+                (self.KP, float(start[0]) + share * up, self.beta),
+            )
+        )
+        return across * v - up * sum(forces) + push >= 0
 
     def _open(self, start: _Point, end: _Point, box: _Box) -> tuple[_Box, ...]:
         """What is left of a box to look at: nothing where all motions go inwards."""
@@ -303,12 +326,17 @@ class _Box:
     least: Fraction
     most: Fraction
 
+    @property
+    def middle(self) -> _Point:
+        """Place on the edge, and disturbance."""
+        return (self.low + self.high) / 2, (self.least + self.most) / 2
+
     def halves_of_edge(self) -> tuple[_Box, _Box]:
-        middle = (self.low + self.high) / 2
+        middle, _ = self.middle
         return replace(self, high=middle), replace(self, low=middle)
 
     def halves_of_disturbances(self) -> tuple[_Box, _Box]:
-        middle = (self.least + self.most) / 2
+        _, middle = self.middle
         return replace(self, most=middle), replace(self, least=middle)
 
     def at(self, disturbance: Fraction) -> _Box:

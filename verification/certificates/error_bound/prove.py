@@ -15,7 +15,12 @@ from typing import TypeAlias
 
 from flint import arb
 
-from verification.certificates.error_bound.barrier import Disturbed, NoBarrierError, barrier
+from verification.certificates.error_bound.barrier import (
+    Disturbed,
+    NoBarrierError,
+    at_a_node,
+    barrier,
+)
 from verification.error_dynamics.balls import ball, exact, precision
 from verification.error_dynamics.model import Parameters
 
@@ -111,10 +116,13 @@ def _barrier(p: Parameters, disturbance: Fraction, of_velocity: bool) -> Barrier
     system = Disturbed(
         *(float(p.KD), float(p.KP), float(p.alpha), float(p.beta)), float(disturbance), of_velocity
     )
+    attempts = [functools.partial(barrier, system, turn, _BEND * turn) for turn in _TURNS]
+    if not of_velocity:
+        attempts.insert(0, functools.partial(at_a_node, system))
     why = ""
-    for turn in _TURNS:
+    for attempt in attempts:
         try:
-            return Barrier(disturbance, tuple(_rational(barrier(system, turn, _BEND * turn))))
+            return Barrier(disturbance, tuple(_rational(attempt())))
         except (NoBarrierError, OverflowError, ZeroDivisionError) as error:
             why = str(error)
     raise NotProvedError(f"no barrier was found: {why}")
