@@ -243,7 +243,7 @@ def test_the_checkers_outward_rates_bound_all_that_a_disturbance_can_do(made: Ma
     KD, KP, a, b = map(float, gains)
     for name in ("by_sliding", "uncorrected"):
         of_velocity = name == "by_sliding"
-        field = check._Field(*gains, Fraction(1), of_velocity)
+        field = check._Field(gains[0], gains[1], gains[2], gains[3], Fraction(1), of_velocity)
         corners = [(Fraction(e), Fraction(w)) for e, w in made[name]["corners"]]
         verdicts = set()
         for start, end in list(itertools.pairwise(corners))[::5]:
@@ -273,7 +273,7 @@ def test_the_checker_needs_the_standard_library_alone() -> None:
 # Damaged certificates
 
 
-def with_corners(part: Made, change: Callable[[list[Any]], Any]) -> Made:
+def with_corners(part: Made, change: Any) -> Made:
     changed = copy.deepcopy(part)
     result = change(changed["corners"])
     if result is not None:
@@ -387,7 +387,7 @@ def test_damaged_gains_are_refused(made: Made) -> None:
         for factor in (Fraction(1, 2), Fraction(99, 100), Fraction(101, 100), Fraction(2), -1, 0):
             claimed = {**made, key: str(given[key] * factor)}
             assert complaint(claimed, given) is not None
-    for key, factor in itertools.product(GAINS, (-1, 0, Fraction(1, 2))):
+    for key, factor in itertools.product(GAINS, (Fraction(-1), Fraction(0), Fraction(1, 2))):
         # Consistently of other gains: for them it is no certificate.
         assert complaint({**made, key: str(given[key] * factor)}) is not None, (key, factor)
     for key in ("format", *GAINS):
@@ -396,7 +396,8 @@ def test_damaged_gains_are_refused(made: Made) -> None:
     assert complaint({**made, "note": {}}, given) is not None
     without = {k: v for k, v in made.items() if k != "sliding"}
     assert complaint(without, given) == "by_sliding: no bound of s"
-    for value in (None, [], {}, "text", 3, {"format": []}):
+    values: tuple[Any, ...] = (None, [], {}, "text", 3, {"format": []})
+    for value in values:
         assert complaint(value, given) is not None
 
 
