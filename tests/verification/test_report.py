@@ -383,7 +383,8 @@ def test_what_is_proved_of_gains_is_told(results: Results, html: str) -> None:
         assert arm.eigenvalues.proved
         assert f"{float(arm.eigenvalues.high):.4f}" in section
     assert "puma3 on reference_flexible" in section
-    assert "÷" in html[: html.index("<main>")]
+    # The interval of the study's linear law, over the eigenvalues on the reference arm.
+    assert "÷ 5.81, × 2.82" in html[: html.index("<main>")]
 
 
 def test_a_gain_set_that_is_not_safe_is_shown(results: Results) -> None:

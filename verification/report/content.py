@@ -49,7 +49,11 @@ from verification.symbolic import Proof
 from verification.table2.fly import COMPARED, FACTOR, TableOf, paper_ratios, ratio_name
 from verification.table2.fly import figures as figures_of_tables
 from verification.tuning_check.pictures import intervals
-from verification.tuning_check.present import headline, margin_of_joint
+from verification.tuning_check.present import (
+    divided_and_multiplied,
+    headline,
+    margin_of_joint,
+)
 from verification.tuning_check.verdict import Severity
 
 
@@ -205,7 +209,7 @@ def _safe(certificates: Certificates) -> KeyFigure:
     margin = margin_of_joint(check.joints[0], check)
     safe = check.severity is not Severity.UNSAFE and margin is not None and certificates.hold
     return KeyFigure(
-        f"÷{float(margin.down):.1f}, ×{float(margin.up):.1f}" if margin else "none",
+        divided_and_multiplied(margin),
         "of Mbar",
         f"leave the sampled law stable at every posture (linear, rigid joints); verdict on the "
         f"gains: {headline(check)}",

@@ -233,7 +233,7 @@ def stable_in(intervals: Sequence[Interval]) -> str:
     return " and ".join(shown) or "none"
 
 
-def margin_words(margin: Margin | None) -> str:
+def divided_and_multiplied(margin: Margin | None) -> str:
     """By what Mbar may be divided and multiplied; rounded inwards."""
     if margin is None:
         return "not all are inside"
@@ -297,7 +297,7 @@ def rows(checked: TuningCheck) -> Iterator[Row]:
         yield row("(33), all of them below 2", lambda _: condition_33(found), holds)
         yield row(
             "Mbar may be changed by" + (", joints rigid" if checked.flexible else ""),
-            lambda j: margin_words(margin_of_joint(j, checked)),
+            lambda j: divided_and_multiplied(margin_of_joint(j, checked)),
             evidence,
         )
     yield row("one encoder count is", _count, "arithmetic")
