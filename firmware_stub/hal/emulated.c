@@ -12,8 +12,8 @@
 #define JUMP_COUNTS 1000000
 
 static bool braked = true;
-static volatile uint32_t late_ticks; /* so many ticks more than the sample time allows */
-static volatile bool encoder_jumps;
+static volatile uint32_t late_ticks;    /* so many ticks more than the sample time allows */
+static volatile uint32_t encoder_jumps; /* so many readings more, beyond what is ridden through */
 static volatile bool encoder_fails;
 
 void hal_init(void)
@@ -36,8 +36,8 @@ bool hal_read_encoders(int32_t counts[JOINTS])
         --late_ticks;
         waste_a_period();
     }
-    if (encoder_jumps) {
-        encoder_jumps = false;
+    if (encoder_jumps > 0u) {
+        --encoder_jumps;
         counts[0] += JUMP_COUNTS;
     }
     const bool good = !encoder_fails;
@@ -123,7 +123,7 @@ void hal_provoke(char key)
         late_ticks = 5u;
         break;
     case 'j':
-        encoder_jumps = true;
+        encoder_jumps = 10u;
         break;
     case 'e':
         encoder_fails = true;
