@@ -62,12 +62,13 @@ _MOST_LEAN = 10.0
 """The last edge is at least so much longer than it is leant."""
 _NODE_FARTHER = 1.001
 """Than where the largest disturbance holds the error still."""
-_NODE_LEANS = (1e-3, 1e-5)
+_NODE_LEANS = (1e-3, 1e-5, 1e-7)
 """Of the edge from rest, outwards, relative."""
 _NODE_LEAST = 1e-6
 """Inwards, relative to what each term alone gives."""
-_ALONG = np.linspace(0.0, 1.0, 101)
-"""Where on an edge of these."""
+_FROM_AN_END = np.array([0.0, *np.geomspace(1e-6, 0.5, 60)])
+_ALONG = np.concatenate([_FROM_AN_END, 1.0 - _FROM_AN_END])
+"""Where on an edge of these: closest at its ends, as sig is steepest where the error rests."""
 
 
 _TOO = "the damping is too weak, or too strong, for a curve of few edges"
