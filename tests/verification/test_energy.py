@@ -325,6 +325,12 @@ def test_the_command_leaves_figures_and_picture(
     assert {row["evidence"] for row in found["rows"]} == {"measured"}
     assert found["rows"][0]["joints"][0]["bound"] is None
     assert all(0.0 < joint["over_bound"] <= 1.0 for joint in found["rows"][1]["joints"])
+    for joint in (joint for row in found["rows"] for joint in row["joints"]):
+        assert 0.0 < joint["largest_error"] < joint["error_bound"]
+    # Hsia's law is linear and critically damped: the bound is hardly more than xi/KP.
+    for joint in found["rows"][0]["joints"]:
+        least = joint["largest_tde_error"] / 100
+        assert least < joint["error_bound"] < 1.003 * least
     picture = (scratch / "energy.svg").read_bytes()
     assert main(["energy", "--row", "Exp01", "--row", "Exp08"]) == 0
     assert (scratch / "energy.svg").read_bytes() == picture
@@ -332,6 +338,7 @@ def test_the_command_leaves_figures_and_picture(
     assert "waist" in told
     assert "[rad/s²]" in told
     assert "Largest |s| over the bound (38)" in told
+    assert "its certified bound" in told
 
 
 def test_a_row_that_is_not_in_the_table_is_refused(capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,12 +9,12 @@ acceleration of several rad/s^2, and is part of eps.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.controller import load
+from codegen.controller import Controller, Joint, load
 from codegen.emit import REPOSITORY
 from plant.assembly import PlantError, build_plant
 from plant.closed_loop import beginning
@@ -22,6 +22,7 @@ from plant.compiled.loop import CompiledLoop
 from plant.flight import check_encoders
 from plant.robot import load_robot
 from verification.energy.recording import Floats, Gains, Recording, gains_of, record
+from verification.error_bound import error_bound
 from verification.evidence import Evidence
 
 CONTROLLER = REPOSITORY / "controllers" / "puma3.toml"
@@ -118,6 +119,9 @@ class JointEnergy:
         mean_pull: mean of sig(s)^gamma in a window over sig(mean s)^gamma, median magnitude; None
             without correction.
         identity_error: largest difference of the two ways to eps [rad/s^2].
+        largest_error: largest |e| [rad].
+        error_bound: of |e|, certified for this xi (:mod:`verification.error_bound`) [rad]; None
+            where none is known, or the gains were not given exactly.
     """
 
     joint: str
@@ -136,6 +140,13 @@ class JointEnergy:
     mean_over_bound: float | None
     mean_pull: float | None
     identity_error: float
+    largest_error: float
+    error_bound: float | None = None
+
+    @property
+    def over_error_bound(self) -> float | None:
+        """Largest |e| over its bound."""
+        return self.largest_error / self.error_bound if self.error_bound else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,6 +225,7 @@ def audit(exp: str, names: Sequence[str], gains: Gains, recording: Recording) ->
             mean_over_bound=float(mean_largest[j] / mean_bound) if mean_bound else None,
             mean_pull=_median_ratio(pull[:, j], pull_at_mean[:, j]) if mean_bound else None,
             identity_error=float(difference[j]),
+            largest_error=float(np.abs(recording.position_error[:, j]).max()),
         )
 
     return RowEnergy(
@@ -224,6 +236,23 @@ def audit(exp: str, names: Sequence[str], gains: Gains, recording: Recording) ->
         v.sum(axis=1),
         vs.sum(axis=1),
     )
+
+
+def bound_of_e(joint: Joint, largest_tde_error: float) -> float | None:
+    """The certified bound of |e| [rad] of a joint with these exact gains; None without one."""
+    gains = (joint.kd, joint.kp, joint.alpha, joint.beta, joint.lambda_, joint.gamma)
+    # Six digits, upwards: exact powers of a double's digits would take long.
+    xi = f"{largest_tde_error * (1 + 1e-5):.5e}"
+    return error_bound(*gains, tde_error=xi).error_bound_rad
+
+
+def with_bounds_of_e(row: RowEnergy, flown: Controller) -> RowEnergy:
+    """The row with bounds of |e| for the gains that were flown."""
+    bounded = (
+        replace(told, error_bound=bound_of_e(joint, told.largest_tde_error))
+        for told, joint in zip(row.joints, flown.joints, strict=True)
+    )
+    return replace(row, joints=tuple(bounded))
 
 
 def window_means(signal: Floats) -> Floats:
@@ -274,6 +303,7 @@ def fly_rows(
         controller.set_gains(tuned)
         run = loop.run(plant, controller, begin, tick)
         joints = [joint.name for joint in tuned.joints]
-        rows.append(audit(name, joints, gains_of(tuned), record(controller, begin, run)))
+        row = audit(name, joints, gains_of(tuned), record(controller, begin, run))
+        rows.append(with_bounds_of_e(row, tuned))
         advance()
     return tuple(rows)

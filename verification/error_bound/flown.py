@@ -15,9 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from codegen.controller import Controller
-from verification.energy.audit import tde_error, window_means
+from verification.energy.audit import bound_of_e, tde_error, window_means
 from verification.energy.recording import Recording, gains_of
-from verification.error_bound.analysis import error_bound
 from verification.evidence import Evidence
 
 
@@ -69,11 +68,7 @@ def flown_bounds(
     largest = np.abs(recording.position_error).max(axis=0)
 
     def bound(j: int, size: float) -> float | None:
-        joint = controller.joints[j]
-        gains = (joint.kd, joint.kp, joint.alpha, joint.beta, joint.lambda_, joint.gamma)
-        # Six digits, upwards: exact powers of a double's digits would take long.
-        found = error_bound(*gains, tde_error=f"{size * (1 + 1e-5):.5e}")
-        return found.error_bound_rad
+        return bound_of_e(controller.joints[j], size)
 
     return tuple(
         FlownBound(
