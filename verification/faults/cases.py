@@ -56,8 +56,8 @@ NONE = Guard(
 DEFAULT = Guard("default", "as shipped")
 TIGHT = Guard(
     "tight",
-    "max_acceleration_rad_per_s2 = 150: where the law takes it for real, it asks for two thirds of "
-    "the torque limit, and not for twice the limit as by default",
+    "max_acceleration_rad_per_s2 = 150: the largest change of speed that passes makes the law ask "
+    "for about the torque limit; as shipped it is more than twice the limit",
     {"max_acceleration_rad_per_s2": 150},
 )
 WINDUP = Guard("windup", "as shipped, but anti_windup = false", {"anti_windup": False})

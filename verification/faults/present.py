@@ -99,7 +99,7 @@ def cells(line: Line, guards: Sequence[Guard] = SIDE_BY_SIDE) -> tuple[str, ...]
         f"{shipped.lost_ticks}",
         " ".join(f"{100 * score.peak_torque:.0f}" for score in scores),
         " ".join(f"{100 * score.peak_torque_step:.0f}" for score in scores),
-        " ".join(_error(score.peak_error_deg) for score in scores),
+        " ".join(_short(score.peak_error_deg) for score in scores),
         " ".join(map(_back, scores)),
     )
 
@@ -124,9 +124,9 @@ def _told(score: Score) -> str:
     return f"{told} ({score.noticed} of {score.attempts})" if score.noticed else f"{told} (late)"
 
 
-def _error(error_deg: float) -> str:
+def _short(value: float) -> str:
     """Two figures, but no power of ten."""
-    return f"{error_deg:.0f}" if error_deg >= 10.0 else f"{error_deg:.2g}"
+    return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
 
 
 def _back(score: Score) -> str:
@@ -183,7 +183,7 @@ class Comparison:
 COMPARISONS = (
     Comparison(DEFAULT, NONE, "Guards as shipped beside none"),
     Comparison(TIGHT, DEFAULT, "A tight limit beside the shipped one"),
-    Comparison(DEFAULT, WINDUP, "Anti-windup beside none"),
+    Comparison(DEFAULT, WINDUP, "Anti-windup beside the same without"),
 )
 _FIGURES: dict[str, Callable[[Score], float]] = {
     "peak error": lambda score: score.peak_error_deg,
@@ -249,7 +249,7 @@ def _everywhere(
     for name, all_of_them in values.items():
         there = [value for value in all_of_them if value > beyond]
         if there:
-            least, most = (f"{value:.2g}" for value in (min(there), max(there)))
+            least, most = map(_short, (min(there), max(there)))
             span = "" if not spread else f" {least}" if least == most else f" {least} to {most}"
             few = len(there) < len(all_of_them)
             told.append(f"{name}{span}" + (f" ({len(there)} of {len(all_of_them)})" if few else ""))
@@ -339,6 +339,7 @@ def _draw_strip(row: Sequence[Axes], case: Case, strip: Strip) -> None:
     for axes in row:
         axes.axvspan(0, min(fault.ticks or time_ms[-1], time_ms[-1]), color=INK, alpha=0.07, lw=0)
         axes.margins(x=0)
+        axes.grid(alpha=0.3)
     row[0].set_title(f"{strip.fault}, joint {strip.joint + 1}")
     row[0].set_ylabel("error [deg]")
     row[1].set_ylabel("torque [N m]")
