@@ -216,8 +216,8 @@ static int tick(const loop_plant *plant, const loop_script *script, world *w,
     }
     hold(w, &work, &timing->delayed, w->drives.command);
     for (int64_t i = 0; i < n; ++i) {
-        w->drives.command[i] = limited(script->torque_share[row + i] * command[i],
-                                           script->torque_limit_Nm[row + i]);
+        w->drives.command[i] =
+            limited(script->torque_share[row + i] * command[i], script->torque_limit_Nm[row + i]);
     }
     hold(w, &work, &timing->prompt, w->drives.command);
     return status;
