@@ -6,34 +6,28 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from plotly.offline import get_plotlyjs
 
 from verification.figures.paper_figure import PaperFigure
 from verification.paper import PAPER
-from verification.report.style import PAGE_COLOURS
+from verification.report.style import PAGE_COLOURS, pages
 
 _TEMPLATES = Path(__file__).parent / "templates"
-_STYLE = Path(__file__).parent.parent / "report" / "templates"
 
 
 def render(figures: Sequence[PaperFigure]) -> str:
     """The page; the same figures give the same bytes."""
-    environment = Environment(
-        loader=FileSystemLoader([_TEMPLATES, _STYLE]),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        autoescape=True,
-    )
-    return environment.get_template("figures.html.j2").render(
-        figures=figures,
-        kinds=list(dict.fromkeys(f.evidence for f in figures if f.evidence is not None)),
-        plotly=get_plotlyjs(),
-        charts={figure.name: embedded(figure.interactive()) for figure in figures},
-        colours=embedded(PAGE_COLOURS),
-        paper=PAPER,
+    return (
+        pages(_TEMPLATES)
+        .get_template("figures.html.j2")
+        .render(
+            figures=figures,
+            kinds=list(dict.fromkeys(f.evidence for f in figures if f.evidence is not None)),
+            plotly=get_plotlyjs(),
+            charts={figure.name: embedded(figure.interactive()) for figure in figures},
+            colours=embedded(PAGE_COLOURS),
+            paper=PAPER,
+        )
     )
 
 

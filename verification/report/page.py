@@ -4,25 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
 from verification.evidence import write_json
 from verification.report.content import Results, as_json, context
-
-_TEMPLATES = Path(__file__).parent / "templates"
+from verification.report.style import pages
 
 
 def render(results: Results) -> str:
     """The page as HTML; the same results give the same bytes."""
-    environment = Environment(
-        loader=FileSystemLoader(_TEMPLATES),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        autoescape=True,
-    )
-    return environment.get_template("index.html.j2").render(context(results))
+    return pages().get_template("index.html.j2").render(context(results))
 
 
 def write(results: Results, directory: Path) -> Path:

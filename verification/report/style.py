@@ -11,6 +11,7 @@ from typing import Any
 
 import matplotlib as mpl
 from cycler import cycler
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 PALETTE = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9")
@@ -106,6 +107,21 @@ def write_svg(figure: Figure, path: Path) -> Path:
     """The picture, drawn in the printed style, as a file of its own; the same bytes every time."""
     path.write_text(_svg(figure), encoding="utf-8")
     return path
+
+
+TEMPLATES = Path(__file__).parent / "templates"
+
+
+def pages(folder: Path = TEMPLATES) -> Environment:
+    """The environment of HTML pages: a folder's templates, and those of the report."""
+    return Environment(
+        loader=FileSystemLoader([folder, TEMPLATES]),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=True,
+    )
 
 
 def inline_svg(figure: Figure, name: str, label: str) -> str:

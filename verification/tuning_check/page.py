@@ -4,47 +4,40 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-import verification.report
 from verification.evidence import Evidence
+from verification.report.style import pages
 from verification.tuning_check import pictures, present
 from verification.tuning_check.check import TuningCheck
 from verification.tuning_check.verdict import Severity
 
 _TEMPLATES = Path(__file__).parent / "templates"
-_STYLE = Path(verification.report.__file__).parent / "templates"
 _CLASSES = {Severity.SAFE: "good", Severity.RESERVATION: "reserved", Severity.UNSAFE: "bad"}
 
 
 def render(checked: TuningCheck) -> str:
     """The page; the same check gives the same bytes."""
-    environment = Environment(
-        loader=FileSystemLoader([_TEMPLATES, _STYLE]),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        autoescape=True,
-    )
     names = [joint.name for joint in checked.joints]
-    return environment.get_template("tuning_check.html.j2").render(
-        checked=checked,
-        names=names,
-        headline=present.headline(checked),
-        classes=_CLASSES,
-        findings=[
-            (finding, "" if len(of) == len(names) else ", ".join(of))
-            for finding, of in present.grouped(checked)
-        ],
-        remedy=checked.remedy.says if checked.remedy else None,
-        rows=list(present.rows(checked)),
-        notes=list(present.notes(checked)),
-        intervals=pictures.intervals(checked),
-        portraits=pictures.portraits(checked),
-        errors=pictures.errors(checked),
-        kinds={kind.value: kind for kind in Evidence},
-        told=[Evidence.PROVED, Evidence.MEASURED, Evidence.SAMPLED],
+    return (
+        pages(_TEMPLATES)
+        .get_template("tuning_check.html.j2")
+        .render(
+            checked=checked,
+            names=names,
+            headline=present.headline(checked),
+            classes=_CLASSES,
+            findings=[
+                (finding, "" if len(of) == len(names) else ", ".join(of))
+                for finding, of in present.grouped(checked)
+            ],
+            remedy=checked.remedy.says if checked.remedy else None,
+            rows=list(present.rows(checked)),
+            notes=list(present.notes(checked)),
+            intervals=pictures.intervals(checked),
+            portraits=pictures.portraits(checked),
+            errors=pictures.errors(checked),
+            kinds={kind.value: kind for kind in Evidence},
+            told=[Evidence.PROVED, Evidence.MEASURED, Evidence.SAMPLED],
+        )
     )
 
 
