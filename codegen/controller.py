@@ -114,6 +114,9 @@ def read(path: Path) -> dict[str, Any]:
         raise _file_error(path, "TOML (toml.io)", str(error)) from error
     except (ValueError, ArithmeticError) as error:
         raise _file_error(path, "TOML whose numbers can be read", str(error)) from error
+    except RecursionError as error:
+        rule = "TOML of a few tables and lists"
+        raise _file_error(path, rule, "take out what is nested so deeply") from error
 
 
 def _file_error(path: Path, rule: str, fix: str) -> SpecificationError:

@@ -163,7 +163,7 @@ def fixed_joint(controller: Controller, joint: Joint, chosen: Formats) -> FixedJ
     """A joint's numbers in these units.
 
     Raises:
-        _OverflowError: the inertia or the torque limit doesn't fit.
+        _OverflowError: the inertia, the torque limit or a gain doesn't fit.
     """
     rad, tick = abs(Fraction(joint.rad_per_count)), controller.sample_time
     unit = Fraction(1, 2**chosen.fraction_bits)
@@ -187,7 +187,7 @@ def fixed_joint(controller: Controller, joint: Joint, chosen: Formats) -> FixedJ
     ratio = controller.low_pass_ratio
     return FixedJoint(
         {
-            name: fixed_power(gain * acceleration, exponent, base=base)
+            name: _power(name, gain * acceleration, exponent, base)
             for name, (gain, exponent, base) in bases.items()
         },
         factor,
@@ -195,6 +195,16 @@ def fixed_joint(controller: Controller, joint: Joint, chosen: Formats) -> FixedJ
         None if ratio is None else round(ratio * 2**_RATIO_BITS),
         joint.max_displacement,
     )
+
+
+def _power(name: str, gain: Fraction, exponent: Fraction, base: Fraction) -> FixedPower:
+    """A term of the law; one whose gain is beyond what a logarithm in Q24 holds is too large."""
+    try:
+        return fixed_power(gain, exponent, base=base)
+    except ValueError as error:
+        if gain < 1:
+            return fixed_power(Fraction(0), exponent)  # less than a unit for every x of 32 bits
+        raise _OverflowError(name, 2**128 * INT32_MAX) from error
 
 
 # --- The law in C, and the largest magnitudes ---------------------------------------------------

@@ -216,7 +216,8 @@ def _key(location: Sequence[int | str], data: Mapping[str, Any]) -> str:
             key += f"[{part}]" if isinstance(here, list | tuple) else ""
             here = here[part] if isinstance(here, list | tuple) and part < len(here) else here
         else:
-            key += f".{part}" if key else part
+            name = part if re.fullmatch("[A-Za-z0-9_-]+", part) else show(part)
+            key += f".{name}" if key else name
             here = here.get(part, {}) if isinstance(here, Mapping) else {}
     return key
 

@@ -129,27 +129,19 @@ def test_what_is_taken_becomes_c_or_is_refused_in_words(data: dict[str, Any]) ->
     is_refused(lambda: generate(resolve(data)))
 
 
-def unreadable(name: str) -> Any:
-    """One of them; what the reader does not yet refuse in words is expected to fail."""
-    known = pytest.mark.xfail(raises=RecursionError, strict=True, reason="codegen.controller.read")
-    return pytest.param(UNREADABLE[name], id=name, marks=[known] if name == "too deep" else [])
-
-
-@pytest.mark.parametrize("content", [unreadable(name) for name in UNREADABLE])
+@pytest.mark.parametrize("content", UNREADABLE.values(), ids=UNREADABLE.keys())
 def test_what_is_no_toml_is_refused_in_words(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "robot.toml"
     path.write_bytes(content)
     assert is_refused(lambda: load(path))
 
 
-@pytest.mark.xfail(strict=True, reason="Problem.key is shown as it is, line breaks included")
 def test_a_key_is_shown_in_one_line() -> None:
     data = read(CONTROLLERS[0])
     data["safety"]["\n"] = 1
     assert is_refused(lambda: resolve(data))
 
 
-@pytest.mark.xfail(raises=ValueError, strict=True, reason="codegen.sig_pow_fixed.fixed_power")
 def test_a_gain_beyond_what_fixed_point_can_scale_is_refused_in_words() -> None:
     data = read(next(path for path in CONTROLLERS if path.stem == "puma3_fixed"))
     data["law"]["lambda"] = Decimal("1e38")
