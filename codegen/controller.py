@@ -71,11 +71,11 @@ class Controller:
     def max_displacement_change(self, joint: Joint) -> int:
         """Change of a joint's displacement from tick to tick that is still plausible [count].
 
-        By default that of twice the acceleration which the torque limit gives Mbar: what a stable
-        law controls has at least half of Mbar (33). Two counts of noise in each reading come to
-        eight.
+        By default that of the acceleration which the torque limit gives Mbar: tuned gains keep well
+        below it, and a tick that is missed in fast motion doesn't. Two counts of noise in each
+        reading come to eight.
         """
-        acceleration = joint.max_acceleration or 2 * joint.torque_limit / joint.inertia
+        acceleration = joint.max_acceleration or joint.torque_limit / joint.inertia
         counts_per_rad = abs(joint.counts_per_joint_rev) / Fraction(2 * math.pi)
         counts = math.ceil(acceleration * self.sample_time**2 * counts_per_rad) + COUNT_NOISE
         return min(counts, DISPLACEMENT_MAX)

@@ -107,7 +107,7 @@ class SafetyTable(_Table):
     max_acceleration_rad_per_s2: PerJointPositive | None = Field(
         None,
         description="Joint acceleration [rad/s^2] above which a change of speed is an encoder "
-        "jump; by default twice what the torque limit gives Mbar.",
+        "jump; by default what the torque limit gives Mbar.",
     )
     max_lost_ticks: Annotated[int, Field(ge=1, le=LOST_TICKS_MAX)] = Field(
         20, description="Lost ticks in a row after which the controller stops with zero torque."

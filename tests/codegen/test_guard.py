@@ -108,13 +108,13 @@ def test_the_largest_plausible_change_of_speed_is_no_jump(rig: Rig, joint: int, 
         assert (status == Status.ENCODER_JUMP) == bool(beyond)
 
 
-def test_by_default_it_is_that_of_twice_the_torque_limit_on_mbar() -> None:
+def test_by_default_it_is_that_of_the_torque_limit_on_mbar() -> None:
     controller = load(CONTROLLERS / "puma3.toml")
     for joint in controller.joints:
         noise = 8
         counts = (controller.max_displacement_change(joint) - noise) * joint.rad_per_count / 1e-6
         one = joint.rad_per_count / 1e-6
-        exact = 2 * float(joint.torque_limit / joint.inertia)
+        exact = float(joint.torque_limit / joint.inertia)
         assert exact <= counts < exact + one
 
 

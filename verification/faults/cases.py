@@ -57,7 +57,7 @@ DEFAULT = Guard("default", "as shipped")
 TIGHT = Guard(
     "tight",
     "max_acceleration_rad_per_s2 = 150: the largest change of speed that passes makes the law ask "
-    "for about the torque limit; as shipped it is more than twice the limit",
+    "for 0.8 to 1 of the torque limit; as shipped for 1.2 to 1.3 of it",
     {"max_acceleration_rad_per_s2": 150},
 )
 WINDUP = Guard("windup", "as shipped, but anti_windup = false", {"anti_windup": False})
