@@ -15,7 +15,7 @@ from verification.bench.page import PAGE, page
 from verification.bench.parts import Part
 from verification.bench.present import cases, chart, tables
 from verification.bench.recording import ROBOTS, Outcome
-from verification.bench.rows import Result, load, row_of, save
+from verification.bench.rows import RECORD, Result, load, row_of, save
 from verification.bench.variants import (
     CASADI_POWF,
     LINEAR_FLOOR,
@@ -263,6 +263,15 @@ def agrees(old: str, new: str) -> bool:
     mantissa, _, exponent = old.partition("e")
     digit = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
     return abs(a - b) <= max(CLOSE * abs(a), 1.001 * digit)
+
+
+def test_the_page_is_made_from_the_figures_beside_it() -> None:
+    recorded = load(RECORD)
+    assert recorded is not None, (
+        "docs/what-a-tick-costs.json is of another C: run `make bench` and "
+        "`.venv/bin/python -m verification.bench --docs`"
+    )
+    assert page(recorded) == PAGE.read_text(encoding="utf-8")
 
 
 def test_the_page_agrees_with_a_fresh_measurement(result: Result) -> None:

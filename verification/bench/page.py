@@ -9,7 +9,7 @@ from codegen.emit import REPOSITORY
 from codegen.rendering import environment
 from verification.bench.parts import Part
 from verification.bench.present import TITLES, thousands
-from verification.bench.rows import JOINTS, Result, Row, Spread, row_of
+from verification.bench.rows import JOINTS, Result, Row, Spread, record, row_of
 from verification.bench.variants import (
     PROJECT,
     PROJECT_FIXED,
@@ -135,7 +135,8 @@ def _difference(rows: Sequence[Row], variant: Variant) -> str:
 
 
 def write_page(result: Result, path: Path = PAGE) -> Path:
-    """Writes the page."""
+    """Writes the page, and its figures beside it."""
+    record(result, path.with_suffix(".json"))
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(page(result), encoding="utf-8")
     return path

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from codegen.emit import REPOSITORY
 from plant.native import BUILD
 from verification.bench import cycles, parts
 from verification.bench.count import Replay, emulator_version, replay
@@ -56,6 +57,8 @@ from verification.firmware import Board, board_names, load_board
 
 JOINTS = tuple(ROBOTS)
 RESULT = BUILD / "bench" / "step.json"
+RECORD = REPOSITORY / "docs" / "what-a-tick-costs.json"
+"""The figures that come with the repository."""
 
 
 class BenchError(Exception):
@@ -445,6 +448,12 @@ def _conditions(board: Board) -> Conditions:
     )
 
 
+def record(result: Result, path: Path = RECORD) -> Path:
+    """Writes the figures beside the page of them, without each special case."""
+    rows = tuple(replace(row, special_cases=()) for row in result.rows)
+    return save(replace(result, rows=rows), path)
+
+
 def save(result: Result, path: Path = RESULT) -> Path:
     """Writes the figures as JSON."""
     return write_json(
@@ -458,6 +467,11 @@ def save(result: Result, path: Path = RESULT) -> Path:
         },
         path,
     )
+
+
+def measured_or_recorded() -> Result | None:
+    """The figures of this build folder, or those that come with the repository, of today's C."""
+    return load() or load(RECORD)
 
 
 def load(path: Path = RESULT) -> Result | None:

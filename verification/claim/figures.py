@@ -22,8 +22,8 @@ from verification.claim.statistics import (
     rank_correlations,
     ratios,
 )
+from verification.figures.rows import LABELS
 from verification.paper import REFERENCE_ROW
-from verification.report.figures import LABELS
 from verification.report.style import INK, PALETTE, WIDTH_IN, house_style, write_svg
 
 _STATES = {

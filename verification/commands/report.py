@@ -7,12 +7,15 @@ from pathlib import Path
 
 from plant.native import BUILD
 from verification.commands.arguments import NAMES, add_steps, controllers
+from verification.commands.faults import flown
 from verification.commands.output import Output, shown
 from verification.commands.sig_pow import verdicts_of
 from verification.commands.symbolic import proofs_of
 from verification.equivalence import check_all, variants
-from verification.evidence import RESULTS, current_json
+from verification.evidence import RESULTS, current_json, write_json
 from verification.experiments import ALL, conduct_all
+from verification.faults import present as faults
+from verification.faults.cases import CASES
 from verification.figures.catalogue import BUILDERS
 from verification.paper import table_2
 from verification.report import certificates, studies
@@ -52,6 +55,8 @@ def run(arguments: argparse.Namespace, output: Output) -> int:
             advance(1)
     with output.bar("certificates", certificates.STEPS) as advance:
         proved = certificates.found(lambda: advance(1))
+    if studies.found().faults is None:
+        write_json(faults.figures(flown(CASES, output)), RESULTS / "faults.json")
     with output.status("pictures"):
         page = write(
             Results(

@@ -8,16 +8,16 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from matplotlib.figure import Figure
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from verification.energy.audit import ROBOT, WINDOW_TICKS, JointEnergy, RowEnergy, window_means
 from verification.evidence import RESULTS, plain
+from verification.figures.chart import Chart, Floats, Line, Panel, Rule
+from verification.figures.drawn import draw as draw_chart
 from verification.paper import table_2
-from verification.report.style import INK, PALETTE, WIDTH_IN, house_style, write_svg
+from verification.report.style import PALETTE, WIDTH_IN, house_style, write_svg
 
 PICTURE = RESULTS / "energy.svg"
 PICTURED = ("Exp01", "Exp08")
@@ -162,41 +162,44 @@ def figures(rows: Sequence[RowEnergy]) -> dict[str, Any]:
     return {"plant": ROBOT, "rows": told, "notes": list(notes(rows))}
 
 
-def picture(rows: Sequence[RowEnergy]) -> Figure:
+def chart(rows: Sequence[RowEnergy]) -> Chart:
     """V and Vs of two rows over time."""
     drawn = [row for row in rows if row.exp in PICTURED] or rows[: len(PICTURED)]
-    figure = Figure(figsize=(1.5 * WIDTH_IN, 4.6), layout="constrained")
-    above, below = figure.subplots(2, 1, sharex=True)
     tick_s = float(drawn[0].time_s[1] - drawn[0].time_s[0])
-    for row, colour in zip(drawn, (PALETTE[1], PALETTE[0]), strict=False):
-        time = window_means(row.time_s)
-        for axes, trace in ((above, row.energy), (below, row.sliding_energy)):
-            means = window_means(trace)
-            # At rest an energy may be 0, which a log axis can't show.
-            axes.semilogy(time, np.where(means > 0.0, means, np.nan), color=colour, label=row.exp)
     one_count = drawn[0].joints[0].count_acceleration * tick_s
-    for axes in (above, below):
-        axes.axhline(
-            0.5 * one_count**2,
-            color=INK,
-            linewidth=0.8,
-            linestyle=":",
-            label="one joint, one count a tick",
-        )
-        axes.set_ylabel("all joints [rad²/s²]")
+    resolution = Rule(0.5 * one_count**2, "y", "one joint, one count a tick")
     window_ms = 1e3 * WINDOW_TICKS * tick_s
-    above.set_title(f"energy of the desired error dynamics V (20), means of {window_ms:g} ms")
-    below.set_title("energy of the sliding variable $V_s$ = s²/2 (57), likewise")
-    below.set_xlabel("time [s]")
-    figure.legend(*above.get_legend_handles_labels(), loc="outside upper left", ncols=3)
-    return figure
+
+    def panel(title: str, trace: Callable[[RowEnergy], Floats], x_label: str) -> Panel:
+        lines = [
+            _positive(row, trace(row), colour)
+            for row, colour in zip(drawn, (PALETTE[1], PALETTE[0]), strict=False)
+        ]
+        return Panel(title, x_label, "all joints [rad²/s²]", lines, (resolution,), logarithmic=True)
+
+    return Chart(
+        [
+            panel(f"V (20), means of {window_ms:g} ms", lambda row: row.energy, ""),
+            panel("Vs = s²/2 (57), likewise", lambda row: row.sliding_energy, "time [s]"),
+        ],
+        1,
+        WIDTH_IN,
+        2.0,
+    )
+
+
+def _positive(row: RowEnergy, trace: Floats, colour: str) -> Line:
+    """Means of a trace where they are above 0, which a logarithmic axis can't show."""
+    time, means = window_means(row.time_s), window_means(trace)
+    some = means > 0.0
+    return Line(time[some], means[some], row.exp, colour)
 
 
 def draw(rows: Sequence[RowEnergy], path: Path) -> Path:
     """Writes the picture as SVG, the same bytes for the same figures."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with house_style(printed=True):
-        return write_svg(picture(rows), path)
+        return write_svg(draw_chart(chart(rows)), path)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -6,6 +6,7 @@ data instead of pixels.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -19,6 +20,9 @@ Dash = Literal["solid", "dashed", "dotted"]
 
 COLUMN_IN, PAGE_IN = 3.5, 7.16
 """Widths of a column and of a page of two columns in the IEEE's journals."""
+
+FEW_DECADES = 2.0
+"""A logarithmic axis of fewer has labels between the powers of ten, too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +92,13 @@ class Panel:
     x_range: tuple[float, float] | None = None
     y_range: tuple[float, float] | None = None
     x_ticks: dict[float, str] | None = None
+
+    @property
+    def decades(self) -> float:
+        """How many a logarithmic y axis has."""
+        values = np.concatenate([line.y for line in self.lines])
+        low, high = self.y_range or (values[values > 0].min(), values.max())
+        return math.log10(high / low)
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from verification.figures.chart import COLUMN_IN, Chart, Line, Panel
+from verification.figures.chart import COLUMN_IN, FEW_DECADES, PAGE_IN, Chart, Line, Panel
 from verification.report.style import INK
 
 _HEAD_IN = 0.55
@@ -34,7 +34,10 @@ def draw(chart: Chart) -> Figure:
             handles,
             [line.label for line in legend],
             loc="outside upper center",
-            ncols=min(len(legend), 2 if chart.width_in <= COLUMN_IN else 5),
+            ncols=min(
+                len(legend),
+                2 if chart.width_in <= COLUMN_IN else 3 if chart.width_in < PAGE_IN else 5,
+            ),
         )
     return figure
 
@@ -48,7 +51,11 @@ def _fill(axes: Axes, panel: Panel) -> None:
         _drawn(axes, line)
     if panel.logarithmic:
         axes.set_yscale("log")
-        axes.yaxis.set_major_locator(LogLocator(numticks=_DECADES))
+        if panel.decades < FEW_DECADES:
+            axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        else:
+            axes.yaxis.set_major_locator(LogLocator(numticks=_DECADES))
         axes.yaxis.set_minor_locator(NullLocator())
     if panel.x_range is not None:
         axes.set_xlim(*panel.x_range)

@@ -9,9 +9,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
-from verification.figures.chart import Chart, Floats, Line, Panel, Rule
+from verification.figures.chart import FEW_DECADES, Chart, Floats, Line, Panel, Rule
 from verification.report.style import INK, LINE
 
 DIGITS = 6
@@ -101,11 +99,9 @@ def _axes(chart: Chart, number: int, span: list[float], band: list[float]) -> di
     return {f"xaxis{suffix}": x, f"yaxis{suffix}": y}
 
 
-def _decades_a_tick(panel: Panel) -> int:
-    """So many that about five labels stand beside a logarithmic axis."""
-    values = np.concatenate([line.y for line in panel.lines])
-    low, high = panel.y_range or (values[values > 0].min(), values.max())
-    return max(1, round(math.log10(high / low) / 5))
+def _decades_a_tick(panel: Panel) -> int | str:
+    """So many that about five labels stand beside a logarithmic axis; D2 for 1, 2, 5."""
+    return "D2" if panel.decades < FEW_DECADES else max(1, round(panel.decades / 5))
 
 
 def _title_of(label: str) -> dict[str, Any]:

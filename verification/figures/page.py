@@ -23,12 +23,16 @@ def render(figures: Sequence[PaperFigure]) -> str:
         .render(
             figures=figures,
             kinds=list(dict.fromkeys(f.evidence for f in figures if f.evidence is not None)),
-            plotly=get_plotlyjs(),
             charts={figure.name: embedded(figure.interactive()) for figure in figures},
-            colours=embedded(PAGE_COLOURS),
             paper=PAPER,
+            **scripts(),
         )
     )
+
+
+def scripts() -> dict[str, str]:
+    """What ``zoomable.html.j2`` needs in a page."""
+    return {"plotly": get_plotlyjs(), "colours": embedded(PAGE_COLOURS)}
 
 
 def embedded(data: object) -> str:

@@ -26,8 +26,8 @@ from verification.figures.chart import (
 )
 from verification.figures.flights import Flight, bench, error_deg, flown, joint_names
 from verification.figures.paper_figure import PaperFigure
+from verification.figures.rows import COLOURS, ENVELOPE_S, LABELS, envelope
 from verification.paper import FASTER_RMS_DEG, REFERENCE_ROW, table_2
-from verification.report.figures import COLOURS, ENVELOPE_S, LABELS, envelope
 from verification.report.style import INK, PALETTE
 
 SPANS = 600

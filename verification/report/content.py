@@ -15,10 +15,9 @@ from codegen.emit import generate
 from plant.robot import load_robot
 from verification.accuracy import ARITHMETICS, REFERENCE
 from verification.bench import cycles
-from verification.bench.variants import CASADI_POWF, NAIVE_DOUBLE, PROJECT
 from verification.certificates.sig_pow.present import Verdict
 from verification.chain.present import NAMES, notes
-from verification.energy.present import picture as energy_picture
+from verification.energy.present import chart as energy_chart
 from verification.equivalence import Equivalence, Summary, summary
 from verification.evidence import Evidence, plain
 from verification.experiments import (
@@ -37,10 +36,16 @@ from verification.experiments import (
     reversal_peaks_deg,
     reversal_times_s,
 )
+from verification.figures.chart import Chart
+from verification.figures.drawn import draw
+from verification.figures.interactive import interactive
+from verification.figures.page import embedded
 from verification.figures.paper_figure import PaperFigure
-from verification.paper import FASTER_RMS_DEG, PAPER, REFERENCE_ROW
+from verification.figures.rows import ENVELOPE_S, LABELS
+from verification.paper import FASTER_RMS_DEG, PAPER
 from verification.report import certificates as proved
-from verification.report import figures
+from verification.report import charts
+from verification.report.answers import Found, answers
 from verification.report.certificates import Certificates
 from verification.report.processor import LINKS, MEANINGS, TITLES, Processor
 from verification.report.studies import Studies
@@ -50,11 +55,8 @@ from verification.table2.fly import COMPARED, FACTOR, TableOf, paper_ratios, rat
 from verification.table2.fly import figures as figures_of_tables
 from verification.tuning_check.pictures import intervals
 from verification.tuning_check.present import (
-    divided_and_multiplied,
     headline,
-    margin_of_joint,
 )
-from verification.tuning_check.verdict import Severity
 
 
 @dataclass(frozen=True)
@@ -89,25 +91,37 @@ class Results:
 
 
 @dataclass(frozen=True)
-class KeyFigure:
-    """A figure for the first screen."""
+class Zoomable:
+    """A picture for Plotly.
 
-    value: str
-    unit: str
-    says: str
-    evidence: Evidence
-    anchor: str
-    good: bool
+    Attributes:
+        json: its data and layout, fit for a script element.
+        height_px: of the layout.
+        wide: whether it has more than one column.
+    """
+
+    json: str
+    height_px: int
+    wide: bool
 
 
 @dataclass(frozen=True)
 class Picture:
-    """An SVG element with its caption."""
+    """A picture with its caption.
+
+    Attributes:
+        name: of its place in the page.
+        svg: the element, which is what paper, phones and a browser without scripts show.
+        caption: what it shows.
+        evidence: what it rests on; None where nothing is claimed.
+        zoomable: the same to point at with a mouse, or None.
+    """
 
     name: str
     svg: str
     caption: str
     evidence: Evidence | None
+    zoomable: Zoomable | None = None
 
 
 @dataclass(frozen=True)
@@ -142,126 +156,6 @@ def scientific(value: float) -> str:
     return f"{mantissa}·10{superscript}"
 
 
-def _spread(values: Sequence[float], form: str) -> str:
-    """Least and largest of some values."""
-    low, high = form.format(min(values)), form.format(max(values))
-    return low if low == high else f"{low} to {high}"
-
-
-def key_figures(
-    rows: Sequence[Beside],
-    gains: Sequence[Gain],
-    summaries: Sequence[Summary],
-    proofs: Sequence[Proof],
-    processor: Processor,
-    certificates: Certificates,
-) -> tuple[KeyFigure, ...]:
-    """The figures of the first screen, each with the kind of evidence behind it."""
-    best = next(row for row in rows if row.experiment == REFERENCE_ROW)
-    hsia = next(gain for gain in gains if gain.experiment == "Exp01")
-    steps = sum(s.tally.steps for s in summaries)
-    violations = sum(s.violations for s in summaries)
-    held = sum(proof.holds for proof in proofs)
-    return (
-        KeyFigure(
-            _spread(best.ours_deg, "{:.4f}"),
-            "deg RMS",
-            f"tracking error of Exp08, joints 1 to 3; the paper's robot: "
-            f"{_spread(best.paper_deg, '{:.4f}')}",
-            Evidence.MEASURED,
-            "table-2",
-            all(0.5 <= r <= 2.0 for r in best.ratio),
-        ),
-        KeyFigure(
-            _spread(hsia.ours, "{:.0f}"),
-            "times",
-            f"smaller error than Hsia's law (Exp01) by joint; the paper's robot: "
-            f"{_spread(hsia.paper, '{:.0f}')}",
-            Evidence.MEASURED,
-            "table-2",
-            min(hsia.ours) >= 8.0,
-        ),
-        KeyFigure(
-            f"{violations}",
-            f"of {steps / 1e6:.1f} million steps" if steps >= 1e6 else f"of {steps} steps",
-            "in which the generated C left the bound around the law in double precision",
-            Evidence.SAMPLED,
-            "equivalence",
-            violations == 0,
-        ),
-        KeyFigure(
-            f"{held}",
-            f"of {len(proofs)} statements",
-            "hold in computer algebra: the closed loop (32), its sampled form, the special cases",
-            Evidence.PROVED,
-            "proofs",
-            held == len(proofs),
-        ),
-        _safe(certificates),
-        *_bits(processor),
-        *_cost(processor),
-    )
-
-
-def _safe(certificates: Certificates) -> KeyFigure:
-    """How far Mbar may be changed until the sampled law is unstable on the reference arm."""
-    check = certificates.checks[0]
-    margin = margin_of_joint(check.joints[0], check)
-    safe = check.severity is not Severity.UNSAFE and margin is not None and certificates.hold
-    return KeyFigure(
-        divided_and_multiplied(margin),
-        "of Mbar",
-        f"leave the sampled law stable at every posture (linear, rigid joints); verdict on the "
-        f"gains: {headline(check)}",
-        Evidence.PROVED,
-        "certificates",
-        safe,
-    )
-
-
-def _bits(processor: Processor) -> tuple[KeyFigure, ...]:
-    """Bit-equality on the emulated processors, where it was measured."""
-    if processor.flights is None:
-        return ()
-    cores = list(dict.fromkeys(str(flight["core"]) for flight in processor.flights))
-    return (
-        KeyFigure(
-            f"{processor.equal}",
-            f"of {len(processor.flights)} flights",
-            f"have the host's torques bit for bit on emulated {', '.join(cores)}",
-            Evidence.MEASURED,
-            "processor",
-            processor.equal == len(processor.flights),
-        ),
-    )
-
-
-_HEADLINE_CORE = "Cortex-M4F"
-"""The smallest core with an FPU, which the default numbers are for."""
-
-
-def _cost(processor: Processor) -> tuple[KeyFigure, ...]:
-    """Instructions of a tick on one core against CasADi's own C, where it was measured."""
-    if processor.cost is None:
-        return ()
-    core, joints = _HEADLINE_CORE, processor.cost.rows[0].joints
-    rows = {
-        row.variant: row for row in processor.cost.rows if (row.core, row.joints) == (core, joints)
-    }
-    naive = rows[NAIVE_DOUBLE.name].times_the_project
-    return (
-        KeyFigure(
-            f"{rows[PROJECT.name].instructions_per_step:.0f}",
-            "instructions a tick",
-            f"on {core}, {joints} joints: {naive:.0f} times fewer than CasADi's own C, "
-            f"{rows[CASADI_POWF.name].times_the_project:.1f} times fewer than that C with powf",
-            Evidence.MEASURED,
-            "processor",
-            naive >= 100.0,
-        ),
-    )
-
-
 def law_block(controller: Controller) -> tuple[list[dict[str, Any]], list[CodeLine]]:
     """The quantities of the manifest, and the lines of C from the first to the last of them."""
     files = generate(controller).files
@@ -281,75 +175,90 @@ def law_block(controller: Controller) -> tuple[list[dict[str, Any]], list[CodeLi
     return quantities, lines
 
 
-_PICTURE_EVIDENCE = dict.fromkeys(
-    ("errors", "table-2", "torques", "reversal", "six-joints"), Evidence.MEASURED
-)
-"""The desired trajectory is none: it is what was asked for."""
-
-
 def pictures(results: Results) -> dict[str, Picture]:
     """All pictures by name."""
     outcomes = results.outcomes
     four = [outcomes[experiment] for experiment in FIGURE_5]
     best, six = outcomes[FIGURE_5[-1]], outcomes[SIX_JOINTS]
-    rows = [r for r in beside_the_paper(outcomes) if r.experiment in figures.LABELS]
+    rows = [r for r in beside_the_paper(outcomes) if r.experiment in LABELS]
     resolution = np.rad2deg([abs(j.rad_per_count) for j in load(CONTROLLERS / "puma3.toml").joints])
     turn = reversal_times_s(best.run)[0]
+    span_ms = f"{1000 * ENVELOPE_S:.0f} ms"
     with house_style():
-        drawn = {
-            "trajectory": (
-                figures.trajectory(best),
+        drawn = [
+            # No evidence: it is what was asked for.
+            _picture(
+                "trajectory",
+                charts.trajectory(best),
                 "Desired trajectory: four fifth-order polynomials in 12 s. All joints move alike "
                 "from different postures.",
+                None,
             ),
-            "errors": (
-                figures.errors(four, resolution),
-                f"Tracking error: the largest in each {1000 * figures.ENVELOPE_S:.0f} ms, on a "
-                "logarithmic scale. One encoder count is the dotted line.",
+            _picture(
+                "errors",
+                charts.errors(four, resolution),
+                f"Tracking error: the largest in each {span_ms}, on a logarithmic scale. One "
+                "encoder count is the dotted line.",
             ),
-            "table-2": (
-                figures.table_2_dots(rows),
+            _picture(
+                "table-2",
+                charts.table_2(rows),
                 "RMS errors on the simulated plant (filled) and on the paper's robot (open).",
             ),
-            "torques": (
-                figures.torques(best),
+            _picture(
+                "torques",
+                charts.torques(best),
                 "Torques that the drives applied in Exp08, and their limits.",
             ),
-            "reversal": (
-                figures.reversal(four, turn),
+            _picture(
+                "reversal",
+                charts.reversal(four, turn),
                 f"Joint 1 around t = {turn:.1f} s, where the velocity changes its sign and the "
                 "friction with it.",
             ),
-            "six-joints": (
-                figures.all_joints(six),
+            _picture(
+                "six-joints",
+                charts.all_joints(six),
                 "The same law on all six joints of a PUMA 560, gains of Exp08: errors (largest in "
-                f"each {1000 * figures.ENVELOPE_S:.0f} ms) and torques.",
+                f"each {span_ms}) and torques.",
             ),
-            "energy": (
-                energy_picture(results.certificates.energy),
+            _picture(
+                "energy",
+                energy_chart(results.certificates.energy),
                 "Energy of the desired error dynamics, and of the sliding variable, along the "
                 "closed loop of the generated C.",
             ),
-        }
-        own = {
-            name: Picture(
-                name, inline_svg(figure, name, caption), caption, _PICTURE_EVIDENCE.get(name)
-            )
-            for name, (figure, caption) in drawn.items()
-        }
-        own["intervals"] = Picture(
-            "intervals",
-            intervals(results.certificates.checks[0]),
-            "For which Mbar/M the sampled law is stable, and where the reference arm's eigenvalues "
-            "of M(q)^-1 Mbar lie.",
-            Evidence.PROVED,
-        )
-        return own | {figure.name: _of_paper(figure) for figure in results.paper_figures}
+            Picture(
+                "intervals",
+                intervals(results.certificates.checks[0]),
+                "For which Mbar/M the sampled law is stable, and where the reference arm's "
+                "eigenvalues of M(q)^-1 Mbar lie.",
+                Evidence.PROVED,
+            ),
+            *(_of_paper(figure) for figure in results.paper_figures),
+        ]
+    return {picture.name: picture for picture in drawn}
+
+
+def _picture(
+    name: str,
+    chart: Chart,
+    caption: str,
+    evidence: Evidence | None = Evidence.MEASURED,
+    label: str = "",
+) -> Picture:
+    plotly = interactive(chart)
+    return Picture(
+        name,
+        inline_svg(draw(chart), name, label or caption),
+        caption,
+        evidence,
+        Zoomable(embedded(plotly), plotly["layout"]["height"], chart.columns > 1),
+    )
 
 
 def _of_paper(figure: PaperFigure) -> Picture:
-    drawn = inline_svg(figure.draw(), figure.name, figure.title)
-    return Picture(figure.name, drawn, figure.caption, figure.evidence)
+    return _picture(figure.name, figure.chart, figure.caption, figure.evidence, figure.title)
 
 
 COMMANDS = (
@@ -414,21 +323,25 @@ def _tables(results: Results) -> _Tables:
     return _Tables(rows, improvements(rows), summaries)
 
 
+def _found(results: Results, tables: _Tables) -> Found:
+    return Found(
+        tables.rows,
+        tables.gains,
+        results.tables,
+        tables.summaries,
+        results.proofs,
+        results.certificates,
+        results.processor,
+        results.studies.faults,
+    )
+
+
 def as_json(results: Results) -> dict[str, Any]:
     """The report's figures as plain data."""
     tables = _tables(results)
     return {
         "paper": str(PAPER),
-        "key_figures": plain(
-            key_figures(
-                tables.rows,
-                tables.gains,
-                tables.summaries,
-                results.proofs,
-                results.processor,
-                results.certificates,
-            )
-        ),
+        "answers": plain(answers(_found(results, tables))),
         "experiments": [plain(outcome.summary()) for outcome in results.outcomes.values()],
         "table_2": [
             {**plain(row), "ratio": plain(row.ratio), "evidence": Evidence.MEASURED.value}
@@ -476,14 +389,7 @@ def context(results: Results) -> dict[str, Any]:
     faster = results.outcomes[FASTER]
     return {
         "paper": PAPER,
-        "keys": key_figures(
-            tables.rows,
-            tables.gains,
-            tables.summaries,
-            results.proofs,
-            results.processor,
-            results.certificates,
-        ),
+        "answers": answers(_found(results, tables)),
         "kinds": list(Evidence),
         "pictures": pictures(results),
         "rows": tables.rows,

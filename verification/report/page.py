@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from verification.evidence import write_json
+from verification.figures.page import scripts
 from verification.report.content import Results, as_json, context
 from verification.report.style import pages
 
 
 def render(results: Results) -> str:
     """The page as HTML; the same results give the same bytes."""
-    return pages().get_template("index.html.j2").render(context(results))
+    return pages().get_template("index.html.j2").render(context(results) | scripts())
 
 
 def write(results: Results, directory: Path) -> Path:
