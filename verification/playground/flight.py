@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import ctypes
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,10 +13,12 @@ from plant.closed_loop import ENDED_BY, Beginning, beginning
 from plant.compiled import loop
 from plant.controller import GeneratedController
 from plant.flight import check_encoders
+from plant.native import GENERATED
 from plant.robot import load_robot
 from verification.experiments import CONTROLLERS
 from verification.figures import flow
-from verification.playground.memory import array, structures
+from verification.playground.memory import array, structures, text
+from verification.playground.vectors import shipped
 from verification.playground.wasm import module
 
 CONTROLLER, ROBOT = "puma3", "reference"
@@ -47,13 +47,15 @@ def flight() -> Flight:
     assert robot.trajectory is not None
     plant = build_plant(robot)
     begin = beginning(plant, robot.trajectory, float(specification.sample_time))
-    return Flight(specification, plant, GeneratedController(specification), begin)
+    return Flight(specification, plant, shipped(specification), begin)
 
 
 def wasm(of: Flight) -> bytes:
     """Plant, controller and phase plane as one module."""
     powers = {name: (flow.FOLDER / name).read_bytes() for name in ("flow.c", "flow.h")}
-    files = loop.loop_files(loop.structure_of(of.plant), of.specification)
+    files = loop.loop_files(
+        loop.structure_of(of.plant), of.specification, GENERATED / of.specification.name
+    )
     prefix = f"tdc_{of.specification.name}"
     exports = [f"{prefix}_{name}" for name in ("init", "step", "check_config", "default_config")]
     return module("playground", files | powers, ["loop_run", "flow_run", *exports])
@@ -113,7 +115,7 @@ def arguments(of: Flight) -> dict[str, Any]:
         "numbers": array(numbers[0]),
         "state": _arrays(loop.state_arrays(plant, begin.state)),
         "holding_torque": array(np.ctypeslib.as_array(held)),
-        "inputs": base64.b64encode(inputs.tobytes()).decode("ascii"),
+        "inputs": text(inputs.tobytes()),
         "ends": array(np.array(sorted(ENDED_BY), dtype=np.int64)),
         "record": _arrays(record),
     }

@@ -6,6 +6,7 @@ shorter: WebAssembly has addresses of 32 bits. All types are aligned by their ow
 
 from __future__ import annotations
 
+import base64
 import ctypes
 from typing import Any
 
@@ -74,3 +75,8 @@ def array(values: NDArray[Any]) -> dict[str, Any]:
     kind = values.dtype
     name = f"{kind.kind}{8 * kind.itemsize}"
     return {"type": name, "values": np.ravel(values).tolist()}
+
+
+def text(content: bytes) -> str:
+    """Bytes in Base64."""
+    return base64.b64encode(content).decode("ascii")

@@ -13,12 +13,13 @@ from codegen.presets import SPECIAL_CASES
 from codegen.status import Status
 from codegen.structs import Range
 from verification.error_dynamics.analysis import RESOLUTION_RAD
+from verification.error_dynamics.classes import Kind
 from verification.experiments import CONTROLLERS
 from verification.figures.page import embedded
 from verification.paper import PAPER
 from verification.playground import flight as flights
 from verification.playground import vectors
-from verification.playground.vectors import text
+from verification.playground.memory import text
 from verification.report.style import pages
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -65,6 +66,33 @@ SLIDERS = (
 )  # fmt: skip
 
 
+GROUPS = (
+    ("Error dynamics", ("kd", "kp", "alpha", "beta")),
+    ("Correction of the delay’s error", ("lambda", "gamma")),
+    ("Inertia", ("mbar",)),
+)
+"""Of the sliders."""
+
+TITLES = {
+    "hsia": "Hsia’s linear TDC",
+    "jin": "Jin’s",
+    "sliding-mode": "sliding mode",
+    "terminal-sliding": "terminal sliding",
+    "nonlinear-ded": "finite-time error",
+    "enhanced": "enhanced inclusive",
+}
+"""Of the presets."""
+FIRST, COMPARED = "enhanced", "hsia"
+"""What the page begins with, and what it compares with."""
+
+CLASSES = {
+    Kind.FINITE_TIME: ("in finite time", "exactly zero after a while, and not just nearly"),
+    Kind.EXPONENTIAL: ("exponentially", "a share per time: never exactly zero"),
+    Kind.ASYMPTOTIC: ("asymptotically", "slower than any exponential near zero"),
+}
+"""How an error ends that a page's gains can have, in a word and in a sentence."""
+
+
 def exact(value: Fraction) -> list[int]:
     """A fraction for the page."""
     return [value.numerator, value.denominator]
@@ -77,10 +105,13 @@ def gains_of(joint: Joint) -> dict[str, list[int]]:
     return own | {"lambda": exact(joint.lambda_), "mbar": [1, 1]}
 
 
-def _presets(specification: Path) -> list[dict[str, Any]]:
+def presets() -> list[dict[str, Any]]:
+    """The law's special cases as gains for the sliders."""
+    specification = CONTROLLERS / f"{flights.CONTROLLER}.toml"
     return [
         {
             "name": preset.name,
+            "title": TITLES[preset.name],
             "meaning": preset.meaning,
             "equation": preset.equation,
             "gains": gains_of(load(specification, experiment=preset.name).joints[0]),
@@ -122,18 +153,22 @@ def data_of(flight: flights.Flight) -> dict[str, Any]:
             }
             for s in SLIDERS
         ],
-        "presets": _presets(CONTROLLERS / f"{flights.CONTROLLER}.toml"),
+        "presets": presets(),
+        "first": FIRST,
+        "compared": COMPARED,
+        "classes": {kind.value: says for kind, says in CLASSES.items()},
     }
 
 
 def recordings() -> list[vectors.Recording]:
     """A recording of each shipped controller, with the gains of its specification."""
-    return [vectors.record(each, each) for each in vectors.shipped(CONTROLLERS)]
+    return [vectors.record(each, each) for each in map(load, sorted(CONTROLLERS.glob("*.toml")))]
 
 
 def render() -> str:
     """The page; the same C gives the same bytes."""
     flight = flights.flight()
+    recorded = recordings()
     return (
         pages(TEMPLATES)
         .get_template("playground.html.j2")
@@ -141,9 +176,15 @@ def render() -> str:
             scripts=[f"{name}.js" for name in SCRIPTS],
             data=embedded(data_of(flight)),
             wasm=text(flights.wasm(flight)),
-            recorded=embedded([vectors.for_page(one) for one in recordings()]),
+            recorded=embedded([vectors.for_page(one) for one in recorded]),
+            recorded_count=len(recorded),
+            recorded_ticks=len(recorded[0].status),
             sliders=SLIDERS,
+            groups=GROUPS,
+            presets=presets(),
+            ends=CLASSES.values(),
             joint_names=[joint.name for joint in flight.specification.joints],
+            duration_s=round(len(flight.begin.reference.time_s) * flight.sample_time_s),
             paper=PAPER,
         )
     )
@@ -154,5 +195,3 @@ def write(path: Path) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(render(), encoding="utf-8")
     return path
-
-

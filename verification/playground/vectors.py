@@ -7,22 +7,21 @@ to it, in the C's own bytes.
 
 from __future__ import annotations
 
-import base64
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.controller import Controller, load
+from codegen.arithmetic import Arithmetic
+from codegen.controller import Controller
 from plant.assembly import at_rest, build_plant
 from plant.closed_loop import simulate
 from plant.controller import GeneratedController
 from plant.flight import default_robot
-from plant.native import c_files, sources_of
+from plant.native import GENERATED, c_files, shared_library
 from plant.robot import load_robot
-from verification.playground.memory import array, structures
+from verification.playground.memory import array, structures, text
 from verification.playground.wasm import module
 
 SPEED = 10.0
@@ -62,7 +61,7 @@ def record(specification: Controller, tuned: Controller, speed: float = SPEED) -
     assert robot.trajectory is not None
     plant = build_plant(robot)
     trajectory = robot.trajectory.faster(speed)
-    host = GeneratedController(specification)
+    host = shipped(specification)
     host.set_gains(tuned)
     run = simulate(plant, host, trajectory, float(specification.sample_time), progress=False)
     inputs = host.inputs(run.q_ref, run.qd_ref, run.qdd_ref)
@@ -93,11 +92,16 @@ def repeated(
     )
 
 
+def shipped(specification: Controller) -> GeneratedController:
+    """The host's compiled C of ``generated/NAME/``, as it was committed."""
+    return GeneratedController(specification, shared_library(GENERATED / specification.name))
+
+
 def wasm(specification: Controller) -> bytes:
     """A controller's C alone."""
     prefix = f"tdc_{specification.name}"
     exports = [f"{prefix}_{name}" for name in ("init", "step", "default_config")]
-    return module(specification.name, c_files(sources_of(specification)), exports)
+    return module(specification.name, c_files(GENERATED / specification.name), exports)
 
 
 def for_page(recording: Recording) -> dict[str, Any]:
@@ -106,6 +110,7 @@ def for_page(recording: Recording) -> dict[str, Any]:
     types, specification = host.types, host.specification
     return {
         "name": specification.name,
+        "says": numbers_of(specification.arithmetic),
         "joints": host.joints,
         "wasm": text(wasm(specification)),
         "structures": structures(types.config, types.state, types.input),
@@ -119,11 +124,9 @@ def for_page(recording: Recording) -> dict[str, Any]:
     }
 
 
-def text(content: bytes) -> str:
-    """Bytes in Base64."""
-    return base64.b64encode(content).decode("ascii")
-
-
-def shipped(folder: Path) -> list[Controller]:
-    """The specifications of a folder."""
-    return [load(path) for path in sorted(folder.glob("*.toml"))]
+def numbers_of(arithmetic: Arithmetic) -> str:
+    """What a controller computes in, in words."""
+    if arithmetic.kind == "fixed-point":
+        return "integers (fixed-point)"
+    precise = ", precise powers" if arithmetic.accuracy == "precise" else ""
+    return f"{arithmetic.precision}{precise}"
