@@ -169,19 +169,29 @@ def structure_of(plant: Plant, models: Sequence[pin.Model] = ()) -> Structure:
         raise PlantError(f"{plant.name}: {error}") from error
 
 
-def compile_loop(plant: Structure, specification: Controller, sources: Path | None = None) -> Path:
+def compile_loop(
+    plant: Structure,
+    specification: Controller,
+    sources: Path | None = None,
+    libm: Path | None = None,
+) -> Path:
     """The shared library of a plant and a controller, compiled once for each content.
 
     Args:
         plant: its structure.
         specification: of the controller.
         sources: the folder with its C; generated if not given.
+        libm: a static library with the sines and exponentials, in place of the system's.
 
     Raises:
         CompilerError: the compiler is missing or reports an error.
     """
     files = loop_files(plant, specification, sources)
-    return library(f"loop-{specification.name}", files, _FLAGS, "-lm")
+    name = f"loop-{specification.name}"
+    if libm is None:
+        return library(name, files, _FLAGS, "-lm")
+    # Without the flag the dynamic linker would take the functions of the system's libm after all.
+    return library(name, files, (*_FLAGS, "-Wl,-Bsymbolic"), str(libm))
 
 
 def loop_files(
@@ -202,6 +212,7 @@ class CompiledLoop:
         specification: of the controller.
         sources: the folder with the controller's C; generated if not given.
         models: other rigid bodies that runs may change to, such as with a payload.
+        libm: a static library in place of the system's, see :func:`compile_loop`.
 
     Attributes:
         specification: as given.
@@ -219,6 +230,7 @@ class CompiledLoop:
         specification: Controller,
         sources: Path | None = None,
         models: Sequence[pin.Model] = (),
+        libm: Path | None = None,
     ) -> None:
         if plant.joints != len(specification.joints):
             raise PlantError(
@@ -227,7 +239,7 @@ class CompiledLoop:
             )
         self._structure = structure_of(plant, models)
         self.specification = specification
-        self.path = compile_loop(self._structure, specification, sources)
+        self.path = compile_loop(self._structure, specification, sources, libm)
         self._run = ctypes.CDLL(str(self.path)).loop_run
 
     def controller(self) -> GeneratedController:

@@ -9,7 +9,7 @@ import numpy as np
 
 from codegen.controller import Controller, load
 from plant.assembly import Plant, build_plant
-from plant.closed_loop import ENDED_BY, Beginning, beginning
+from plant.closed_loop import ENDED_BY, Beginning, Run, beginning
 from plant.compiled import loop
 from plant.controller import GeneratedController
 from plant.flight import check_encoders
@@ -19,7 +19,7 @@ from verification.experiments import CONTROLLERS
 from verification.figures import flow
 from verification.playground.memory import array, structures, text
 from verification.playground.vectors import shipped
-from verification.playground.wasm import module
+from verification.playground.wasm import host_libm, module
 
 CONTROLLER, ROBOT = "puma3", "reference"
 
@@ -48,6 +48,19 @@ def flight() -> Flight:
     plant = build_plant(robot)
     begin = beginning(plant, robot.trajectory, float(specification.sample_time))
     return Flight(specification, plant, shipped(specification), begin)
+
+
+def flown(of: Flight, tuned: Controller) -> Run:
+    """The flight with other gains on the host, with the sines and exponentials of the page.
+
+    Raises:
+        ControllerError, PlantError: it does not come to its end.
+    """
+    sources = GENERATED / of.specification.name
+    twin = loop.CompiledLoop(of.plant, of.specification, sources, libm=host_libm())
+    controller = twin.controller()
+    controller.set_gains(tuned)
+    return twin.run(of.plant, controller, of.begin, of.sample_time_s)
 
 
 def wasm(of: Flight) -> bytes:

@@ -7,6 +7,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+from numpy.typing import NDArray
+
 from codegen.controller import Controller, Joint, load
 from codegen.layout import layout
 from codegen.presets import SPECIAL_CASES
@@ -165,6 +167,12 @@ def recordings() -> list[vectors.Recording]:
     return [vectors.record(each, each) for each in map(load, sorted(CONTROLLERS.glob("*.toml")))]
 
 
+def first_torque(flight: flights.Flight) -> NDArray[Any]:
+    """Torques of the page's first flight, by the host, shape (ticks, n)."""
+    tuned = load(CONTROLLERS / f"{flights.CONTROLLER}.toml", experiment=FIRST)
+    return flights.flown(flight, tuned).torque_commanded_Nm
+
+
 def render() -> str:
     """The page; the same C gives the same bytes."""
     flight = flights.flight()
@@ -177,6 +185,7 @@ def render() -> str:
             data=embedded(data_of(flight)),
             wasm=text(flights.wasm(flight)),
             recorded=embedded([vectors.for_page(one) for one in recorded]),
+            first_torque=text(first_torque(flight).tobytes()),
             recorded_count=len(recorded),
             recorded_ticks=len(recorded[0].status),
             sliders=SLIDERS,

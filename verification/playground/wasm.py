@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import os
+import platform
 import subprocess
 import sys
 import tempfile
@@ -44,16 +45,27 @@ def module(name: str, files: Mapping[str, bytes], exports: Sequence[str]) -> byt
     Raises:
         CompilerError: the compiler is missing or reports an error.
     """
-    zig = _zig()
-    every = {**_runtime(zig), **files}
-    words = (*_FLAGS, *(f"-Wl,--export={export}" for export in (HEAP, *exports)))
-    digest = hashlib.sha256(" ".join((metadata.version("ziglang"), *words)).encode())
-    for file, content in every.items():
-        digest.update(file.encode() + b"\0" + content)
-    target = BUILD / "wasm" / f"{name}-{digest.hexdigest()[:16]}.wasm"
-    if not target.exists():
-        _compile(every, words, target)
-    return target.read_bytes()
+    every = {**_runtime(), **files}
+    words = ("cc", *_FLAGS, *(f"-Wl,--export={export}" for export in (HEAP, *exports)))
+    sources = sorted(file for file in every if file.endswith(".c"))
+    return _made(name, ".wasm", every, (*words, "-I.", *sources), "-o").read_bytes()
+
+
+def host_libm() -> Path:
+    """The same sines and exponentials as a static library of this machine, bit for bit.
+
+    A plant that rubs and vibrates makes much of a last bit: the host's own libm would be another
+    flight after some hundred ticks.
+
+    Raises:
+        CompilerError: the compiler is missing or reports an error.
+    """
+    words = (
+        *("build-lib", "-static", "-fcompiler-rt", "-fPIC", "-OReleaseFast", "-I."),
+        *("-target", f"{platform.machine()}-linux-none"),
+        *("-cflags", "-O2", "-ffp-contract=off", "--", _EXPM1_C.name),
+    )
+    return _made("libm", ".a", _runtime(), words, "-femit-bin")
 
 
 def _zig() -> Path:
@@ -67,23 +79,33 @@ def _zig() -> Path:
     return Path(found.origin)
 
 
-def _runtime(zig: Path) -> dict[str, bytes]:
+def _runtime() -> dict[str, bytes]:
     """What the C needs of a libc beyond the compiler's own runtime library."""
     headers = {path.name: path.read_bytes() for path in sorted(HEADERS.glob("*.h"))}
     return headers | {
         _STRING_H.name: _STRING_H.read_bytes(),
-        _EXPM1_C.name: (zig.parent / _EXPM1_C).read_bytes(),
+        _EXPM1_C.name: (_zig().parent / _EXPM1_C).read_bytes(),
     }
 
 
-def _compile(files: Mapping[str, bytes], words: Sequence[str], target: Path) -> None:
+def _made(
+    name: str, suffix: str, files: Mapping[str, bytes], words: Sequence[str], output: str
+) -> Path:
+    """What the compiler makes of files in a folder, unless it is there already."""
+    digest = hashlib.sha256(" ".join((metadata.version("ziglang"), *words)).encode())
+    for file, content in files.items():
+        digest.update(file.encode() + b"\0" + content)
+    target = BUILD / "wasm" / f"{name}-{digest.hexdigest()[:16]}{suffix}"
+    if target.exists():
+        return target
     target.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=target.parent) as scratch:
         for file, content in files.items():
             (Path(scratch) / file).write_bytes(content)
-        sources = sorted(file for file in files if file.endswith(".c"))
+        made = f"made{suffix}"
+        named = (output, made) if output == "-o" else (f"{output}={made}",)
         done = subprocess.run(
-            [sys.executable, "-m", "ziglang", "cc", *words, "-I.", "-o", "made.wasm", *sources],
+            [sys.executable, "-m", "ziglang", *words, *named],
             cwd=scratch,
             # The compiler keeps its own runtime library, compiled, in a folder of the project's.
             env=os.environ | {"ZIG_GLOBAL_CACHE_DIR": str(BUILD / "wasm" / "zig")},
@@ -92,5 +114,7 @@ def _compile(files: Mapping[str, bytes], words: Sequence[str], target: Path) -> 
             check=False,
         )
         if done.returncode != 0:
-            raise CompilerError(f"zig cc {' '.join(words)} failed:\n{done.stderr}")
-        (Path(scratch) / "made.wasm").replace(target)
+            raise CompilerError(f"zig {' '.join(words)} failed:\n{done.stderr}")
+        # A rename is atomic: two runs at the same time see a whole file or none.
+        (Path(scratch) / made).replace(target)
+    return target

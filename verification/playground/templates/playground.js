@@ -189,8 +189,8 @@ function drawFlight() {
   charts.torque.draw({
     xRange, yRange: rangeOf([...torques, now.friction[joint]].map(within), { least: 0.5 }),
     lines: [
-      { from: 0, step, y: now.friction[joint], colour: "--friction", width: 1.1, dot: true },
       ...torques.map((y, i) => ({ from: 0, step, y, colour: colours[i], width: 1.2, dot: true })),
+      { from: 0, step, y: now.friction[joint], colour: "--friction", width: 1.8, dot: true },
     ],
     marks: [limit, -limit].map((y) => ({ y, colour: "--bad", text: "limit" })),
   });
@@ -318,8 +318,9 @@ function keep(flight, name) {
 /* When all flights that were asked for have been flown and drawn. */
 async function settled() { while (running) { await running; } }
 
-function proved() {
+function proved(flight) {
   const answers = JSON.parse(byId("recorded").textContent).map((recorded) => ({ ...repeat(recorded), says: recorded.says }));
+  answers.push({ name: "robot and controller", says: "the first flight of this page", ...sameTorque(flight, bytesOf(byId("first-torque").textContent)) });
   const rows = answers.map(({ name, ticks, different, says }) => {
     const row = document.createElement("tr");
     for (const [kind, text] of [["th", name], ["td", says], ["td", ticks]]) {
@@ -349,15 +350,14 @@ async function begin() {
     settle: new Chart(byId("settle"), { x: "time [s]", y: "|e| [rad]", log: true }),
   };
   for (const chart of Object.values(charts)) { chart.reading = chart.canvas.parentElement.querySelector(".reading"); }
+  const [first, grey] = [data.first, data.compared].map((name) => data.presets.find((one) => one.name === name));
+  keep(measured(await robot.fly(grey.gains, pause), grey.gains), grey.title);
+  const flight = await robot.fly(first.gains, pause);
   listen();
   link(charts.error, charts.torque, charts.motion);
-  const first = data.presets.find((one) => one.name === data.first);
-  const grey = data.presets.find((one) => one.name === data.compared);
-  keep(measured(await robot.fly(grey.gains, pause), grey.gains), grey.title);
   choose(first.gains);
   await settled();
-  const answers = proved();
-  return { answers };
+  return { answers: proved(flight) };
 }
 
 let playground;

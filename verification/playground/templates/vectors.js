@@ -21,3 +21,14 @@ function repeat(recorded) {
   });
   return answer;
 }
+
+/* A flight's torques beside the host's. */
+function sameTorque({ record: { torque_commanded: torque, status } }, expected) {
+  const bytes = new Uint8Array(torque.buffer), width = bytes.length / status.length;
+  const different = [];
+  for (let tick = 0; tick < status.length; tick++) {
+    const row = bytes.subarray(tick * width, (tick + 1) * width);
+    if (!row.every((byte, i) => byte === expected[tick * width + i])) { different.push(tick); }
+  }
+  return { ticks: status.length, different };
+}
