@@ -139,9 +139,17 @@ class Page:
         self.call("Emulation.setEmulatedMedia", features=[scheme])
 
     def mouse(self, kind: str, x: float, y: float, buttons: int = 0) -> None:
-        """One event of the mouse: mouseMoved, mousePressed or mouseReleased."""
-        pressed = {"button": "left", "clickCount": 1} if kind != "mouseMoved" else {}
-        self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, buttons=buttons, **pressed)
+        """One event of the mouse, such as mouseMoved; 1 stands for the left button."""
+        pressed = {"button": "left"} if buttons or kind == "mouseReleased" else {}
+        self.call(
+            "Input.dispatchMouseEvent",
+            type=kind,
+            x=x,
+            y=y,
+            buttons=buttons,
+            clickCount=int(kind != "mouseMoved"),
+            **pressed,
+        )
 
     def click(self, selector: str) -> None:
         """Clicks the middle of an element."""

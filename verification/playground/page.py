@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,8 @@ from typing import Any
 from numpy.typing import NDArray
 
 from codegen.controller import Controller, Joint, load
-from codegen.layout import layout
+from codegen.floating_point import FieldValue
+from codegen.layout import joint_config_values, layout
 from codegen.presets import SPECIAL_CASES
 from codegen.status import Status
 from codegen.structs import Range
@@ -51,22 +52,21 @@ class Slider:
     high: Fraction
     step: Fraction
 
+    @property
+    def steps(self) -> int:
+        """How many steps it is from end to end."""
+        return int((self.high - self.low) / self.step)
+
 
 SLIDERS = (
-    Slider("kd", "KD", "damping of the error", "", Fraction(1), Fraction(100), Fraction(1)),
-    Slider("kp", "KP", "stiffness of the error", "", Fraction(5), Fraction(1000), Fraction(5)),
-    Slider("alpha", "α", "exponent of the velocity error", "",
-           Fraction(1, 2), Fraction(13, 10), Fraction(1, 200)),
-    Slider("beta", "β", "exponent of the position error", "",
-           Fraction(3, 10), Fraction(19, 10), Fraction(1, 200)),
-    Slider("lambda", "λ", "correction of what the delay misses", "",
-           Fraction(0), Fraction(100), Fraction(1)),
-    Slider("gamma", "γ", "exponent of the correction", "",
-           Fraction(0), Fraction(3, 2), Fraction(1, 50)),
-    Slider("mbar", "M̄", "the law’s inertia, times the paper’s", "",
-           Fraction(1, 20), Fraction(5, 2), Fraction(1, 20)),
-)  # fmt: skip
-
+    Slider("kd", "KD", "damping of the error", "1/s if α = 1", *map(Fraction, ("1", "100", "1"))),
+    Slider("kp", "KP", "stiffness", "1/s² if β = 1", *map(Fraction, ("5", "1000", "5"))),
+    Slider("alpha", "α", "exponent of ė", "", *map(Fraction, ("1/2", "13/10", "1/200"))),
+    Slider("beta", "β", "exponent of e", "", *map(Fraction, ("3/10", "19/10", "1/200"))),
+    Slider("lambda", "λ", "correction", "1/s if γ = 1", *map(Fraction, ("0", "100", "1"))),
+    Slider("gamma", "γ", "exponent of s", "", *map(Fraction, ("0", "3/2", "1/50"))),
+    Slider("mbar", "M̄", "inertia in the law", "", *map(Fraction, ("1/20", "5", "1/20"))),
+)
 
 GROUPS = (
     ("Error dynamics", ("kd", "kp", "alpha", "beta")),
@@ -124,12 +124,29 @@ def presets() -> list[dict[str, Any]]:
 
 def _gain_fields(controller: Controller) -> dict[str, Any]:
     """The fields of a joint's configuration that hold the law's gains, by the gain's name."""
-    wanted = {slider.name for slider in SLIDERS} - {"mbar"} | {"inertia"}
     return {
         field.quantity: {"field": field.name, "exponent": field.range in _EXPONENTS}
         for field in layout(controller).joint_config.fields
-        if field.quantity in wanted
+        if field.quantity in {slider.name for slider in SLIDERS}
     }
+
+
+def _inertias(controller: Controller) -> list[dict[str, list[FieldValue]]]:
+    """What a joint's configuration has otherwise at each place of the slider of Mbar.
+
+    That is Mbar itself, and what the guard takes for plausible, which follows from it.
+    """
+    (slider,) = (slider for slider in SLIDERS if slider.name == "mbar")
+    made = []
+    for k in range(slider.steps + 1):
+        factor = slider.low + k * slider.step
+        each = [
+            joint_config_values(controller, replace(joint, inertia=factor * joint.inertia))
+            for joint in controller.joints
+        ]
+        made.append({name: [values[name] for values in each] for name in each[0]})
+    changing = [name for name in made[0] if made[0][name] != made[-1][name]]
+    return [{name: values[name] for name in changing} for values in made]
 
 
 def data_of(flight: flights.Flight) -> dict[str, Any]:
@@ -138,7 +155,7 @@ def data_of(flight: flights.Flight) -> dict[str, Any]:
     return {
         "controller": controller.name,
         "joint_names": [joint.name for joint in controller.joints],
-        "inertia": [exact(joint.inertia) for joint in controller.joints],
+        "inertias": _inertias(controller),
         "torque_limit_Nm": [float(joint.torque_limit) for joint in controller.joints],
         "rad_per_count": [joint.rad_per_count for joint in controller.joints],
         "resolution_rad": float(RESOLUTION_RAD),
@@ -151,7 +168,7 @@ def data_of(flight: flights.Flight) -> dict[str, Any]:
                 "name": s.name,
                 "low": exact(s.low),
                 "step": exact(s.step),
-                "steps": int((s.high - s.low) / s.step),
+                "steps": s.steps,
             }
             for s in SLIDERS
         ],

@@ -24,6 +24,10 @@ function nearest(slider, gain) {
 
 function written(gain, digits = 3) { return Number(value(gain).toFixed(digits)).toString(); }
 
+function inertiaText(factor) {
+  return `× ${written(factor)} = ${robot.inertias(factor).inertia_kgm2[state.joint].toPrecision(3)} kg m²`;
+}
+
 function showSliders() {
   for (const slider of data.sliders) {
     const gain = state.gains[slider.name], input = byId(`slider-${slider.name}`);
@@ -31,7 +35,7 @@ function showSliders() {
       input.value = nearest(slider, gain);
     }
     input.setAttribute("aria-valuetext", written(gain));
-    byId(`value-${slider.name}`).textContent = slider.name === "mbar" ? `× ${written(gain)}` : written(gain);
+    byId(`value-${slider.name}`).textContent = slider.name === "mbar" ? inertiaText(gain) : written(gain);
   }
   byId("tie").checked = state.tied;
   for (const button of document.querySelectorAll("[data-preset]")) {
@@ -88,6 +92,8 @@ async function flyAll() {
 function measured(flight, gains) {
   const { counts, torque_applied_Nm: torque, status } = flight.record;
   const n = robot.joints, ticks = flight.ticks;
+  const saturated = status.subarray(0, ticks).filter((one) => one === 1n).length;
+  const lost = status.subarray(0, ticks).filter((one) => one < 0n).length;
   const each = (of) => Array.from({ length: n }, (_, joint) => of(joint));
   const error = each((joint) => {
     const scale = data.rad_per_count[joint] * DEG, q8 = references[joint];
@@ -106,17 +112,21 @@ function measured(flight, gains) {
       return Math.sqrt(sum / (ticks - 1));
     }),
     strongest: applied.map((one) => one.reduce((most, t) => Math.max(most, Math.abs(t)), 0)),
-    saturated: status.subarray(0, ticks).filter((one) => Number(one) === 1).length,
-    lost: status.subarray(0, ticks).filter((one) => Number(one) < 0).length,
-    ended: flight.end === 0 ? "" : ended(flight),
+    saturated, lost, alarm: alarmOf(flight, saturated, lost),
   };
 }
 
-function ended({ end, ticks, status }) {
+/* What is wrong with a flight, if anything is. */
+function alarmOf({ end, ticks, status }, saturated, lost) {
   const when = (ticks * data.arguments.sample_time_s).toFixed(3);
-  if (end === 2) { return `At ${when} s the motion has left all bounds: these gains are not safe.`; }
-  const [name, meaning] = data.statuses[status];
-  return `At ${when} s the controller gave up with TDC_${name}: ${meaning}. These gains are not safe.`;
+  if (end === 2) { return `At ${when} s the motion has left all bounds. These gains are not safe.`; }
+  if (end !== 0) {
+    const [name, meaning] = data.statuses[status];
+    return `At ${when} s the controller gave up with TDC_${name}: ${meaning}. These gains are not safe.`;
+  }
+  if (lost > 0) { return `In ${lost} ticks the motion was so violent that the C took it for an encoder’s fault. These gains are not safe.`; }
+  const share = 100 * saturated / ticks;
+  return share >= 0.1 ? `A torque is at its limit in ${share.toPrecision(2)} % of all ticks: the loop vibrates, or is about to.` : "";
 }
 
 function milli(deg) { return deg * 1000 >= 9.95 ? (deg * 1000).toFixed(0) : (deg * 1000).toPrecision(2); }
@@ -125,8 +135,8 @@ function newtons(torque) { return torque >= 99.5 ? torque.toFixed(0) : torque.to
 function showFlight() {
   const { now, kept } = shown, joint = state.joint;
   const alarm = byId("alarm");
-  alarm.textContent = now.ended;
-  alarm.hidden = !now.ended;
+  alarm.textContent = now.alarm;
+  alarm.hidden = !now.alarm;
   for (const one of document.querySelectorAll(".joint-name")) { one.textContent = data.joint_names[joint]; }
   byId("rms").textContent = milli(now.rms[joint]);
   byId("activity").textContent = newtons(now.activity[joint]);
@@ -166,7 +176,7 @@ function showTable() {
     cell((one) => one.peak[joint], milli);
     cell((one) => one.activity[joint], newtons);
     cell((one) => one.strongest[joint], newtons);
-    cell((one) => value(times(one.gains.mbar, data.inertia[joint])), (inertia) => inertia.toPrecision(3));
+    cell((one) => robot.inertias(one.gains.mbar).inertia_kgm2[joint], (inertia) => inertia.toPrecision(3));
     return row;
   });
   byId("figures").tBodies[0].replaceChildren(...rows);
@@ -221,7 +231,7 @@ function showDynamics() {
   byId("origin").textContent = origin;
   const homogeneous = same(gains.beta, finiteTimeBeta(gains.alpha));
   byId("origin-more").textContent = homogeneous
-    ? `a node from KD = ${criticalDamping(gains.kp, gains.alpha).toPrecision(3)} on`
+    ? `node from KD = ${criticalDamping(gains.kp, gains.alpha).toPrecision(3)} on`
     : `by the exponents alone, at any gains: β is ${origin === "focus" ? "below" : "above"} α/(2 − α)`;
 
   /* The speed that the stiffness gives on the way from 1 rad to 0, and some more. */
@@ -298,6 +308,7 @@ function listen() {
     input.addEventListener("change", () => {
       if (input.name === "tab") { byId("stage").dataset.tab = input.value; return; }
       state[input.name] = input.name === "joint" ? Number(input.value) : input.value;
+      showSliders();
       if (shown.now) { showFlight(); }
     });
   }

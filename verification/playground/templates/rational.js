@@ -1,7 +1,6 @@
 /* Exact numbers: a fraction is [numerator, denominator], both whole, the denominator above 0. */
 function divisor(a, b) { return b ? divisor(b, a % b) : Math.abs(a); }
 function fraction(n, d) { const g = divisor(n, d) || 1; return [n / g, d / g]; }
-function times([a, b], [c, d]) { return fraction(a * c, b * d); }
 function value([n, d]) { return n / d; }
 function compare([a, b], [c, d]) { return Math.sign(a * d - c * b); }
 function same(x, y) { return compare(x, y) === 0; }

@@ -46,16 +46,22 @@ class Robot {
     return this.module.copy(this.module.view("u8", address, size).slice());
   }
 
+  /* What the configuration has for a factor on Mbar: one of the slider's. */
+  inertias(mbar) {
+    const slider = this.data.sliders.find((one) => one.name === "mbar");
+    return this.data.inertias[Math.round((value(mbar) - value(slider.low)) / value(slider.step))];
+  }
+
   /* Writes the gains of every joint into the configuration; returns the C's verdict on it. */
   tune(gains) {
-    const module = this.module;
+    const module = this.module, inertias = Object.entries(this.inertias(gains.mbar));
     for (let joint = 0; joint < this.joints; joint++) {
-      const at = module.field("config", "joint", this.config, joint);
-      const own = { ...gains, inertia: times(gains.mbar, this.data.inertia[joint]) };
+      const { type, address } = module.field("config", "joint", this.config, joint);
       for (const [quantity, { field, exponent }] of Object.entries(this.data.gains)) {
-        const exact = own[quantity];
-        module.set(at.type, field, at.address, exponent ? exponentQ31(exact) : value(exact));
+        const exact = gains[quantity];
+        module.set(type, field, address, exponent ? exponentQ31(exact) : value(exact));
       }
+      for (const [field, values] of inertias) { module.set(type, field, address, values[joint]); }
     }
     return module.exports[`${this.prefix}_check_config`](this.config);
   }
