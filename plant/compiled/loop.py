@@ -398,7 +398,7 @@ class _Timings:
 
     def _part(self, part: PartOfTick) -> LoopPart:
         self._lags += part.lag
-        addresses = [column.ctypes.data for column in part.lag] or [None] * 3
+        addresses = (column.ctypes.data for column in part.lag)
         return LoopPart(part.share, part.count, part.step_s, *addresses)
 
 

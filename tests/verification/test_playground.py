@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from codegen.controller import Controller, load
 from codegen.sig_pow import exponent_q31
 from codegen.status import Status
+from plant.closed_loop import Run
 from plant.compiled import loop
 from plant.native import GENERATED, CompilerError, shared_library
 from plant.units import units
@@ -28,6 +29,7 @@ from verification.error_dynamics.classes import approach, classify
 from verification.error_dynamics.model import Parameters, finite_time_beta
 from verification.error_dynamics.phase_plane import equilibrium
 from verification.experiments import CONTROLLERS
+from verification.figures.flow import FOLDER as FLOW_FOLDER
 from verification.figures.flow import ErrorDynamics, flow
 from verification.playground import flight as flights
 from verification.playground import page as playground
@@ -113,7 +115,7 @@ def records(page: Page, expression: str) -> dict[str, Any]:
     return found
 
 
-def assert_flown_alike(found: dict[str, Any], host: loop.Run) -> None:
+def assert_flown_alike(found: dict[str, Any], host: Run) -> None:
     """Torques, counts, statuses and the motion itself, bit for bit."""
     for name, own in {
         "torque_commanded": host.torque_commanded_Nm,
@@ -148,7 +150,7 @@ def test_the_compiler_agrees_with_the_layout(flight: flights.Flight) -> None:
         for field, (_, offset, _) in structure["fields"].items():
             lines.append(f'_Static_assert(offsetof({own}, {field}) == {offset}, "");')
     assert len(lines) > 70
-    folders = (loop.FOLDER, flights.flow.FOLDER, GENERATED / "puma3")
+    folders = (loop.FOLDER, FLOW_FOLDER, GENERATED / "puma3")
     headers = {p.name: p.read_bytes() for folder in folders for p in folder.glob("*.h")}
     source = "\n".join(lines) + "\n"
     wasm.module("layout", {**headers, "layout.c": source.encode()}, ["nothing"])
@@ -396,10 +398,10 @@ def test_dragged_sliders_fly_the_host_s_flight(page: Page, flight: flights.Fligh
     page.drag("#slider-beta", share("beta", gains["beta"]), share("beta", Fraction("0.9")))
     gains = slid(page)
     assert not page.evaluate("byId('tie').checked"), "a hand on beta unties it"
-    for name, target in (("kd", 45), ("alpha", 0.8), ("gamma", 0.6), ("mbar", 0.5),
-                         ("beta", 0.9)):  # fmt: skip
+    wanted = {"kd": 45.0, "alpha": 0.8, "gamma": 0.6, "mbar": 0.5, "beta": 0.9}
+    for name, value in wanted.items():
         assert gains[name] != before[name], name
-        assert float(gains[name]) == pytest.approx(target, rel=0.08), name
+        assert float(gains[name]) == pytest.approx(value, rel=0.08), name
     found = records(page, "settled().then(() => shown.now.flight)")
     host = flights.flown(flight, tuned(flight.specification, gains))
     assert_flown_alike(found, host)

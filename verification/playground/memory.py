@@ -37,12 +37,14 @@ def structures(*kinds: type[ctypes.Structure]) -> dict[str, Any]:
 
 
 def _add(made: dict[str, Any], kind: type[ctypes.Structure]) -> None:
-    fields, offset, alignment = {}, 0, 1
+    fields: dict[str, Any] = {}
+    offset, alignment = 0, 1
     for name, field_type, *_ in kind._fields_:
+        element: Any = field_type
         count = 1
-        if issubclass(field_type, ctypes.Array):
-            field_type, count = field_type._type_, field_type._length_
-        type_name, size, aligned = _known(made, field_type)
+        if issubclass(element, ctypes.Array):
+            element, count = element._type_, element._length_
+        type_name, size, aligned = _known(made, element)
         offset = _up(offset, aligned)
         fields[name] = [type_name, offset, count]
         offset += size * count

@@ -65,7 +65,7 @@ SLIDERS = (
     Slider("beta", "β", "exponent of e", "", *map(Fraction, ("3/10", "19/10", "1/200"))),
     Slider("lambda", "λ", "correction", "1/s if γ = 1", *map(Fraction, ("0", "100", "1"))),
     Slider("gamma", "γ", "exponent of s", "", *map(Fraction, ("0", "3/2", "1/50"))),
-    Slider("mbar", "M̄", "inertia in the law", "", *map(Fraction, ("1/20", "5", "1/20"))),
+    Slider("mbar", "M̄", "inertia", "", *map(Fraction, ("1/20", "5", "1/20"))),
 )
 
 GROUPS = (

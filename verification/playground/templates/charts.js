@@ -5,10 +5,11 @@ function css(name) { return getComputedStyle(document.documentElement).getProper
 function ticksOf(low, high, most) {
   const rough = (high - low) / Math.max(most, 1);
   const power = Math.pow(10, Math.floor(Math.log10(rough)));
-  const step = power * [1, 2, 5, 10].find((factor) => factor * power >= rough * 0.999);
+  const factor = [1, 2, 2.5, 5, 10].find((one) => one * power >= rough * 0.999);
+  const step = factor * power;
   const ticks = [];
   for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) { ticks.push(k * step); }
-  return { ticks, digits: Math.max(0, -Math.floor(Math.log10(step) + 1e-9)) };
+  return { ticks, digits: Math.max(0, (factor === 2.5 ? 1 : 0) - Math.floor(Math.log10(step) + 1e-9)) };
 }
 
 function decadesOf(low, high, most) {

@@ -142,6 +142,10 @@ function showFlight() {
   byId("activity").textContent = newtons(now.activity[joint]);
   byId("rms-more").textContent = kept ? `grey: ${milli(kept.rms[joint])}${ratio(kept.rms[joint], now.rms[joint], "times smaller", "times larger")}` : "";
   byId("activity-more").textContent = kept ? `grey: ${newtons(kept.activity[joint])}${ratio(kept.activity[joint], now.activity[joint], "times calmer", "times livelier")}` : "";
+  byId("line").textContent = [
+    byId("class").textContent, byId("origin").textContent,
+    `RMS ${milli(now.rms[joint])}·10⁻³ deg`, `${newtons(now.activity[joint])} N m a tick`,
+  ].join(" · ");
   byId("ticks").textContent = `Ticks with a torque at its limit: ${now.saturated} of ${robot.ticks}; lost ticks: ${now.lost}.`;
   showTable();
   drawFlight();
