@@ -173,7 +173,7 @@ class Page:
         )
         return x, y, width, height
 
-    def drag(self, selector: str, start: float, end: float, steps: int = 8) -> None:
+    def drag(self, selector: str, start: float, end: float, steps: int = 4) -> None:
         """Drags the thumb of a slider from one share of its way to another."""
         x, y, width, height = self.box(selector)
         thumb = 16.0

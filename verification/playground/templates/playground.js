@@ -1,9 +1,10 @@
 const byId = (id) => document.getElementById(id);
 const DEG = 180 / Math.PI;
 const WINDOWS = { whole: null, turn: [2.7, 3.7], ticks: [3.0, 3.1] };
-const FLOW = { stepS: 2e-4, steps: 10, rows: 1500 };
-const SETTLING = { stepS: 1e-4, steps: 10, rows: 3001 };
-const LEAST_RAD = 1e-9;
+const FLOW = { stepS: 5e-4, steps: 4, rows: 1500 };
+const SETTLING = { stepS: 2e-4, steps: 5, rows: 3001 };
+/* What is smaller is a matter of the step. */
+const LEAST_RAD = 1e-7;
 
 /* What the sliders say; gains are fractions. */
 const state = { gains: null, tied: true, joint: 0, time: "whole", start: [1, 0] };
@@ -140,8 +141,10 @@ function showFlight() {
   for (const one of document.querySelectorAll(".joint-name")) { one.textContent = data.joint_names[joint]; }
   byId("rms").textContent = milli(now.rms[joint]);
   byId("activity").textContent = newtons(now.activity[joint]);
-  byId("rms-more").textContent = kept ? `grey: ${milli(kept.rms[joint])}${ratio(kept.rms[joint], now.rms[joint], "times smaller", "times larger")}` : "";
-  byId("activity-more").textContent = kept ? `grey: ${newtons(kept.activity[joint])}${ratio(kept.activity[joint], now.activity[joint], "times calmer", "times livelier")}` : "";
+  byId("rms-more").textContent = kept
+    ? compared(kept.rms[joint], now.rms[joint], milli, "times smaller than", "times larger than") : "";
+  byId("activity-more").textContent = kept
+    ? compared(kept.activity[joint], now.activity[joint], newtons, "times calmer than", "times livelier than") : "";
   byId("line").textContent = [
     byId("class").textContent, byId("origin").textContent,
     `RMS ${milli(now.rms[joint])}·10⁻³ deg`, `${newtons(now.activity[joint])} N m a tick`,
@@ -151,10 +154,11 @@ function showFlight() {
   drawFlight();
 }
 
-function ratio(before, after, less, more) {
-  const factor = before / after;
-  if (!Number.isFinite(factor) || (factor > 0.95 && factor < 1.05)) { return ", about the same"; }
-  return factor > 1 ? `, ${factor.toPrecision(2)} ${less}` : `, ${(1 / factor).toPrecision(2)} ${more}`;
+/* A figure beside that of the grey lines, in words. */
+function compared(grey, now, write, less, more) {
+  const factor = grey / now, than = `grey (${write(grey)})`;
+  if (!Number.isFinite(factor) || (factor > 0.95 && factor < 1.05)) { return `about the same as ${than}`; }
+  return factor > 1 ? `${factor.toPrecision(2)} ${less} ${than}` : `${(1 / factor).toPrecision(2)} ${more} ${than}`;
 }
 
 function showTable() {
@@ -226,6 +230,14 @@ function split(pairs) {
   return { e, rate };
 }
 
+/* The kept gains change less often than those of the sliders. */
+let keptOne = {};
+function keptFlow(flow) {
+  const { gains } = shown.kept, from = state.start.join();
+  if (keptOne.gains !== gains || keptOne.from !== from) { keptOne = { gains, from, flow: flow(gains) }; }
+  return keptOne.flow;
+}
+
 function showDynamics() {
   const { gains } = state;
   const kind = classOf(gains.alpha, gains.beta);
@@ -257,7 +269,7 @@ function showDynamics() {
 
   const step = SETTLING.stepS * SETTLING.steps;
   const line = (one, colour, width) => ({ from: 0, step, y: one.e.map(Math.abs), colour, width });
-  const before = shown.kept ? [line(flow(shown.kept.gains), "--kept", 1.4)] : [];
+  const before = shown.kept ? [line(keptFlow(flow), "--kept", 1.4)] : [];
   charts.settle.draw({
     xRange: [0, step * (SETTLING.rows - 1)], yRange: [LEAST_RAD, 3],
     lines: [...before, line(own, "--start", 2)],
