@@ -466,6 +466,21 @@ def test_unsafe_gains_say_so(page: Page, unsafe: dict[str, list[int]], says: str
     assert says in page.evaluate("byId('alarm').textContent")
 
 
+def test_the_pointer_reads_values(page: Page) -> None:
+    page.evaluate("settled()")
+    x, y, width, height = page.box("#error")
+    page.mouse("mouseMoved", x + width / 2, y + height / 2)
+    told = page.evaluate("charts.error.reading.textContent")
+    found = re.fullmatch(r"([\d.]+) s, grey (\S+), now (\S+)", told)
+    assert found is not None, told
+    tick = round(float(found[1]) * 1000)
+    for text, which in ((found[2], "kept"), (found[3], "now")):
+        own = page.evaluate(f"shown.{which}.error[0][{tick}]")
+        assert float(text.replace("−", "-")) == pytest.approx(1000 * own, rel=0.01)
+    page.mouse("mouseMoved", 2, 2)
+    assert page.evaluate("charts.error.reading.hidden")
+
+
 def test_how_a_flight_ended_is_said(page: Page) -> None:
     assert page.evaluate("alarmOf({ end: 0, ticks: 12000, status: 0 }, 0, 0)") == ""
     stopped = page.evaluate("alarmOf({ end: 1, ticks: 1234, status: -7 }, 0, 20)")

@@ -88,7 +88,7 @@ FIRST, COMPARED = "enhanced", "hsia"
 """What the page begins with, and what it compares with."""
 
 CLASSES = {
-    Kind.FINITE_TIME: ("in finite time", "exactly zero after a while, and not just nearly"),
+    Kind.FINITE_TIME: ("in finite time", "exactly zero, after a while"),
     Kind.EXPONENTIAL: ("exponentially", "a share per time: never exactly zero"),
     Kind.ASYMPTOTIC: ("asymptotically", "slower than any exponential near zero"),
 }

@@ -43,7 +43,7 @@ class Chart {
     canvas.height = Math.round(height * scale);
     const ink = canvas.getContext("2d");
     ink.scale(scale, scale);
-    this.box = { left: 50, top: 24, right: width - 12, bottom: height - 34 };
+    this.box = { left: 50, top: 24, right: width - 18, bottom: height - 34 };
     this.frame(ink);
     ink.save();
     ink.beginPath();

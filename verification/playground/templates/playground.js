@@ -200,15 +200,15 @@ function drawFlight() {
   const colours = kept ? ["--kept", "--now"] : ["--now"];
   charts.error.draw({
     xRange, yRange: rangeOf(errors.map(within), { about: 0, least: 0.5 }),
-    lines: errors.map((y, i) => ({ from: 0, step, y, colour: colours[i], dot: true })),
+    lines: errors.map((y, i) => ({ from: 0, step, y, colour: colours[i], dot: colours[i] === "--now" ? "now" : "grey" })),
   });
   const torques = [...(kept ? [kept.applied[joint]] : []), now.applied[joint]];
   const limit = data.torque_limit_Nm[joint];
   charts.torque.draw({
     xRange, yRange: rangeOf([...torques, now.friction[joint]].map(within), { least: 0.5 }),
     lines: [
-      ...torques.map((y, i) => ({ from: 0, step, y, colour: colours[i], width: 1.2, dot: true })),
-      { from: 0, step, y: now.friction[joint], colour: "--friction", width: 1.8, dot: true },
+      ...torques.map((y, i) => ({ from: 0, step, y, colour: colours[i], width: 1.2, dot: colours[i] === "--now" ? "drive" : "grey" })),
+      { from: 0, step, y: now.friction[joint], colour: "--friction", width: 1.8, dot: "friction" },
     ],
     marks: [limit, -limit].map((y) => ({ y, colour: "--bad", text: "limit" })),
   });
@@ -216,8 +216,8 @@ function drawFlight() {
   charts.motion.draw({
     xRange, yRange: rangeOf([within(reference)], { least: 0.02 }),
     lines: [
-      { from: 0, step, y: now.position[joint], colour: "--now", width: 2, dot: true },
-      { from: 0, step, y: reference, colour: "--ink", dash: [4, 4], dot: true },
+      { from: 0, step, y: now.position[joint], colour: "--now", width: 2, dot: "joint" },
+      { from: 0, step, y: reference, colour: "--ink", dash: [4, 4], dot: "reference" },
     ],
   });
 }
@@ -290,11 +290,11 @@ function link(...linked) {
       for (const other of linked) {
         other.cursor = time;
         other.redraw();
-        const values = other.shown.lines.map(({ y }) => y[Math.round(time / step)]);
-        other.reading.hidden = other !== chart || values.some((one) => one === undefined);
-        if (!other.reading.hidden) {
-          other.reading.textContent = `${time.toFixed(3)} s: ${values.map((one) => minus(one.toPrecision(4))).join(" | ")}`;
-        }
+        other.reading.hidden = other !== chart;
+        other.reading.textContent = [`${time.toFixed(3)} s`, ...other.shown.lines.map(({ y, dot }) => {
+          const read = y[Math.round(time / step)];
+          return `${dot} ${read === undefined ? "–" : minus(read.toPrecision(3))}`;
+        })].join(", ");
       }
     });
   }
