@@ -25,7 +25,6 @@ _FLAGS = (
 )
 _PATIENCE_S = 60.0
 """For an answer, on a busy computer; nothing is measured by it."""
-_OWN_SCHEMES = ("file:", "data:", "blob:")
 
 
 class BrowserError(Exception):
@@ -114,20 +113,8 @@ class Page:
             raise BrowserError(details.get("exception", {}).get("description", details["text"]))
         return told["result"].get("value")
 
-    def until(self, condition: str) -> None:
-        """Waits until an expression is true.
-
-        Raises:
-            BrowserError: it does not become true.
-        """
-        end = time.monotonic() + _PATIENCE_S
-        while not self.evaluate(condition):
-            if time.monotonic() > end:
-                raise BrowserError(f"never true: {condition}")
-            time.sleep(0.02)
-
     def resize(self, width: int, height: int, *, dark: bool = False, phone: bool = False) -> None:
-        """Gives the window another size, the colour scheme, and touch in place of a mouse."""
+        """Gives the window another size, its page a colour scheme; a phone has twice the pixels."""
         self.call(
             "Emulation.setDeviceMetricsOverride",
             width=width,
@@ -193,11 +180,6 @@ class Page:
         told = self.call("Page.captureScreenshot", captureBeyondViewport=whole)
         path.write_bytes(base64.b64decode(told["data"]))
         return path
-
-    @property
-    def foreign(self) -> list[str]:
-        """Requests that would need a network or another file."""
-        return [url for url in self.requests if not url.startswith(_OWN_SCHEMES[1:])]
 
 
 @contextmanager

@@ -466,6 +466,23 @@ def test_unsafe_gains_say_so(page: Page, unsafe: dict[str, list[int]], says: str
     assert says in page.evaluate("byId('alarm').textContent")
 
 
+def test_what_is_kept_is_drawn_in_grey(page: Page) -> None:
+    hsia = page.evaluate("settled().then(() => (globalThis.before = shown.kept).rms)")
+    page.click("[data-preset=jin]")
+    page.evaluate("settled()")
+    page.click("#keep")
+    page.click("#reset")
+    kept, name = page.evaluate("settled().then(() => [shown.kept.rms,"
+                               "document.querySelector('.kept-name').textContent])")  # fmt: skip
+    assert name == "kept"
+    assert (np.array(kept) < np.array(hsia)).all(), "Jin's is better than Hsia's, as in Table II"
+    drawn = page.evaluate("Array.from(charts.error.shown.lines[0].y.slice(3200, 3300))")
+    assert drawn == page.evaluate(
+        "Array.from(shown.kept.error[0].slice(3200, 3300), (e) => 1e3 * e)"
+    )
+    page.evaluate("keep(before, 'Hsia’s linear TDC')")
+
+
 def test_the_pointer_reads_values(page: Page) -> None:
     page.evaluate("settled()")
     x, y, width, height = page.box("#error")

@@ -319,7 +319,7 @@ function listen() {
     state.start = [1, 0];
     choose(data.presets.find((one) => one.name === data.first).gains);
   });
-  byId("keep").addEventListener("click", async () => { await settled(); keep(shown.now, "kept"); showDynamics(); showFlight(); });
+  byId("keep").addEventListener("click", () => { keep(shown.now, "kept"); showDynamics(); showFlight(); });
   for (const input of document.querySelectorAll("input[type=radio]")) {
     input.addEventListener("change", () => {
       if (input.name === "tab") { byId("stage").dataset.tab = input.value; return; }
