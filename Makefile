@@ -122,6 +122,11 @@ claim: setup
 figures: setup
 	@$(run) -m verification figures
 
+## A page to play with: the shipped C as WebAssembly, sliders for its gains, no network
+.PHONY: playground
+playground: setup
+	@$(run) -m verification playground
+
 ## Hsia, Jin, sliding modes, MFC: each written by itself, has it the bits of the inclusive C?
 .PHONY: special-cases
 special-cases: setup

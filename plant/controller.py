@@ -238,6 +238,11 @@ class GeneratedController:
         status = int(self._step(*self._pointers))
         return ControllerOutput(units.torque.physical(self.torque), status)
 
+    def step_raw(self, given: bytes) -> int:
+        """One tick with the bytes of an input structure; returns the status of the C."""
+        ctypes.memmove(self._pointers[2], given, ctypes.sizeof(self.types.input))
+        return int(self._step(*self._pointers))
+
 
 def _value(struct: ctypes.Structure, name: str) -> FieldValue:
     """A field's value as `codegen.layout.joint_config_values` gives it."""

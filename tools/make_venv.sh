@@ -103,7 +103,7 @@ if [ "$usable" = yes ]; then
     say "Updating .venv: constraints.txt or pyproject.toml has changed (log: $log)"
 else
     say "Making .venv with $python: the Python packages of constraints.txt at their exact versions,"
-    say "each checked against its hash; about 2.3 GB, one to two minutes (log: $log)"
+    say "each checked against its hash; about 2.7 GB, one to two minutes (log: $log)"
     if ! "$python" -c 'import ensurepip' >/dev/null 2>&1; then
         # Debian keeps this part of the standard library in a package of its own.
         case $python in

@@ -29,6 +29,7 @@ COMMANDS = {
     "report": "run everything and write build/report/index.html",
     "table2": "every row of the paper's Table II on four plants",
     "figures": "the paper's figures from the project's own data, for print and for a page",
+    "playground": "a page with the shipped C as WebAssembly, and sliders for its gains",
     "claim": "how far Table II holds on random plants, as `make claim` flew them",
     "rivals": "PID, computed torque, sliding mode, Hsia and the inclusive law, tuned alike",
     "faults": "faults in motion, with the guards of the generated C and without",

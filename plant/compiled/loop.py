@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +51,7 @@ MAX_JOINTS = 32
 _CONTROLLER_ERROR, _NOT_FINITE = 1, 2
 
 
-class _Part(ctypes.Structure):
+class LoopPart(ctypes.Structure):
     """``loop_part``."""
 
     _fields_ = (
@@ -62,13 +62,13 @@ class _Part(ctypes.Structure):
     )
 
 
-class _Timing(ctypes.Structure):
+class LoopTiming(ctypes.Structure):
     """``loop_timing``."""
 
-    _fields_ = (("late", _Part), ("delayed", _Part), ("prompt", _Part))
+    _fields_ = (("late", LoopPart), ("delayed", LoopPart), ("prompt", LoopPart))
 
 
-class _Plant(ctypes.Structure):
+class LoopPlant(ctypes.Structure):
     """``loop_plant``."""
 
     _fields_ = (
@@ -77,7 +77,7 @@ class _Plant(ctypes.Structure):
     )
 
 
-class _Script(ctypes.Structure):
+class LoopScript(ctypes.Structure):
     """``loop_script``."""
 
     _fields_ = (
@@ -106,9 +106,9 @@ def _pointers(name: str, *fields: str) -> type[ctypes.Structure]:
     return type(name, (ctypes.Structure,), {"_fields_": [(f, ctypes.c_void_p) for f in fields]})
 
 
-_State = _pointers("_State", "q", "qd", "friction", "command_Nm", "torque_Nm")
-_Record = _pointers(
-    "_Record",
+LoopState = _pointers("LoopState", "q", "qd", "friction", "command_Nm", "torque_Nm")
+LoopRecord = _pointers(
+    "LoopRecord",
     "q",
     "qd",
     "counts",
@@ -119,7 +119,7 @@ _Record = _pointers(
 )
 
 
-class _Controller(ctypes.Structure):
+class LoopController(ctypes.Structure):
     """``loop_controller``."""
 
     _fields_ = (
@@ -169,22 +169,39 @@ def structure_of(plant: Plant, models: Sequence[pin.Model] = ()) -> Structure:
         raise PlantError(f"{plant.name}: {error}") from error
 
 
-def compile_loop(plant: Structure, specification: Controller, sources: Path | None = None) -> Path:
+def compile_loop(
+    plant: Structure,
+    specification: Controller,
+    sources: Path | None = None,
+    libm: Path | None = None,
+) -> Path:
     """The shared library of a plant and a controller, compiled once for each content.
 
     Args:
         plant: its structure.
         specification: of the controller.
         sources: the folder with its C; generated if not given.
+        libm: a static library with the sines and exponentials, in place of the system's.
 
     Raises:
         CompilerError: the compiler is missing or reports an error.
     """
+    files = loop_files(plant, specification, sources)
+    name = f"loop-{specification.name}"
+    if libm is None:
+        return library(name, files, _FLAGS, "-lm")
+    # Without the flag the dynamic linker would take the functions of the system's libm after all.
+    return library(name, files, (*_FLAGS, "-Wl,-Bsymbolic"), str(libm))
+
+
+def loop_files(
+    plant: Structure, specification: Controller, sources: Path | None = None
+) -> dict[str, bytes]:
+    """All C of a plant and a controller in closed loop, by file name; arguments as above."""
     own = {name: (FOLDER / name).read_bytes() for name in ("loop.c", "loop.h")}
     made = {"adapter.c": adapter_c(specification), "dynamics.c": dynamics_c(plant)}
     controller = c_files(sources or sources_of(specification))
-    files = own | {name: text.encode() for name, text in made.items()} | controller
-    return library(f"loop-{specification.name}", files, _FLAGS, "-lm")
+    return own | {name: text.encode() for name, text in made.items()} | controller
 
 
 class CompiledLoop:
@@ -195,6 +212,7 @@ class CompiledLoop:
         specification: of the controller.
         sources: the folder with the controller's C; generated if not given.
         models: other rigid bodies that runs may change to, such as with a payload.
+        libm: a static library in place of the system's, see :func:`compile_loop`.
 
     Attributes:
         specification: as given.
@@ -212,6 +230,7 @@ class CompiledLoop:
         specification: Controller,
         sources: Path | None = None,
         models: Sequence[pin.Model] = (),
+        libm: Path | None = None,
     ) -> None:
         if plant.joints != len(specification.joints):
             raise PlantError(
@@ -220,7 +239,7 @@ class CompiledLoop:
             )
         self._structure = structure_of(plant, models)
         self.specification = specification
-        self.path = compile_loop(self._structure, specification, sources)
+        self.path = compile_loop(self._structure, specification, sources, libm)
         self._run = ctypes.CDLL(str(self.path)).loop_run
 
     def controller(self) -> GeneratedController:
@@ -261,8 +280,8 @@ class CompiledLoop:
             LayoutError: the controller is another one.
         """
         self._check(plant, controller, begin)
-        record = _record(begin.reference, controller, self._structure.coordinates)
-        state = _state(plant, begin.state)
+        record = record_arrays(begin.reference, controller, self._structure.coordinates)
+        state = state_arrays(plant, begin.state)
         inputs = controller.inputs(
             begin.reference.position_rad + begin.script.encoder.zero_rad,
             begin.reference.velocity_rad_per_s,
@@ -270,24 +289,24 @@ class CompiledLoop:
         )
         held = controller.holding_torque(begin.state.command_Nm)
         ends = np.array(sorted(ended_by), dtype=np.int64)
-        arrays = _encoder_arrays(begin.script.encoder, plant.joints)
+        arrays = encoder_arrays(begin.script.encoder, plant.joints)
         timings = _Timings(
             plant, begin.script, sample_time_s, plant.substep_s if substep_s is None else substep_s
         )
-        script = _script_arrays(plant, begin.script)
+        script = script_arrays(plant, begin.script)
         tick, status = ctypes.c_int64(), ctypes.c_int64()
         end = self._run(
             ctypes.byref(_plant(plant, self._structure.coordinates, arrays)),
             ctypes.byref(
-                _Script(
+                LoopScript(
                     timings=timings.address,
                     numbers_count=script["numbers"].shape[1],
                     **_addresses(script),
                 )
             ),
-            ctypes.byref(_pointed(_State, state)),
+            ctypes.byref(_pointed(LoopState, state)),
             ctypes.byref(
-                _Controller(
+                LoopController(
                     config=ctypes.addressof(controller.config),
                     state=ctypes.addressof(controller.state),
                     input=inputs.ctypes.data,
@@ -296,7 +315,7 @@ class CompiledLoop:
                     ends_count=len(ends),
                 )
             ),
-            ctypes.byref(_pointed(_Record, record)),
+            ctypes.byref(_pointed(LoopRecord, record)),
             ctypes.c_int64(len(inputs)),
             ctypes.byref(tick),
             ctypes.byref(status),
@@ -330,7 +349,7 @@ class CompiledLoop:
             )
 
 
-def _encoder_arrays(encoder: Encoder, joints: int) -> dict[str, NDArray[Any]]:
+def encoder_arrays(encoder: Encoder, joints: int) -> dict[str, NDArray[Any]]:
     """The encoders' numbers by their names in ``loop_plant``."""
     _vector(encoder.offset_counts, joints)
     return {
@@ -348,10 +367,10 @@ def _vector(values: ArrayLike, joints: int) -> Floats:
     return made
 
 
-def _plant(plant: Plant, coordinates: int, arrays: Mapping[str, NDArray[Any]]) -> _Plant:
+def _plant(plant: Plant, coordinates: int, arrays: Mapping[str, NDArray[Any]]) -> LoopPlant:
     """The plant for the C; the caller must keep the arrays."""
     read_from = coordinates - plant.joints if plant.encoder.mounted == "motor" else 0
-    return _Plant(plant.joints, coordinates, read_from, **_addresses(arrays))
+    return LoopPlant(plant.joints, coordinates, read_from, **_addresses(arrays))
 
 
 class _Timings:
@@ -360,11 +379,11 @@ class _Timings:
     def __init__(self, plant: Plant, script: Script, sample_time_s: float, substep_s: float):
         self._lags: list[Floats] = []
         _vector(plant.drive.torque_limit_Nm, plant.joints)
-        self._timings = (_Timing * len(script.timings))(
+        self._timings = (LoopTiming * len(script.timings))(
             *(
-                _Timing(
+                LoopTiming(
                     *(
-                        self._part(plant, share, share * sample_time_s, substep_s)
+                        self._part(part_of_tick(plant, share, sample_time_s, substep_s))
                         for share in timing.shares
                     )
                 )
@@ -377,17 +396,40 @@ class _Timings:
         """Of the first timing."""
         return ctypes.addressof(self._timings)
 
-    def _part(self, plant: Plant, share: float, duration_s: float, substep_s: float) -> _Part:
-        count = substeps(duration_s, substep_s)
-        if count == 0:
-            return _Part(0.0, 0, 0.0, None, None, None)
-        step = duration_s / count
-        lag = plant.drive.lag(step, count)
-        self._lags += lag
-        return _Part(share, count, step, *(column.ctypes.data for column in lag))
+    def _part(self, part: PartOfTick) -> LoopPart:
+        self._lags += part.lag
+        addresses = (column.ctypes.data for column in part.lag)
+        return LoopPart(part.share, part.count, part.step_s, *addresses)
 
 
-def _script_arrays(plant: Plant, script: Script) -> dict[str, NDArray[Any]]:
+@dataclass(frozen=True, eq=False)
+class PartOfTick:
+    """A part of a tick as ``loop_part`` has it.
+
+    Attributes:
+        share: of the tick.
+        count: of substeps.
+        step_s: h.
+        lag: decay, mean and mean_of_all, each of shape (n,); empty where the part has no length.
+    """
+
+    share: float
+    count: int
+    step_s: float
+    lag: tuple[Floats, ...]
+
+
+def part_of_tick(plant: Plant, share: float, sample_time_s: float, substep_s: float) -> PartOfTick:
+    """A share of a tick, in substeps of at most the given length."""
+    duration_s = share * sample_time_s
+    count = substeps(duration_s, substep_s)
+    if count == 0:
+        return PartOfTick(0.0, 0, 0.0, ())
+    step = duration_s / count
+    return PartOfTick(share, count, step, tuple(plant.drive.lag(step, count)))
+
+
+def script_arrays(plant: Plant, script: Script) -> dict[str, NDArray[Any]]:
     """The script's arrays by their names in ``loop_script``, as the C takes them."""
     ticks, n = script.ticks, plant.joints
     kinds = {
@@ -450,7 +492,7 @@ def _told(
     )
 
 
-def _record(
+def record_arrays(
     reference: Reference, controller: GeneratedController, coordinates: int
 ) -> dict[str, NDArray[Any]]:
     """Room for what happens."""
@@ -467,7 +509,7 @@ def _record(
     }
 
 
-def _state(plant: Plant, state: PlantState) -> dict[str, NDArray[Any]]:
+def state_arrays(plant: Plant, state: PlantState) -> dict[str, NDArray[Any]]:
     """A copy of the state, for the C to work on."""
     parts = {f.name: _vector(getattr(state, f.name), plant.joints) for f in fields(state)}
     motors = {name: parts.pop(f"{name}_motor") for name in ("q", "qd")}

@@ -505,11 +505,11 @@ def test_the_library_has_no_memory_of_its_own(reference: Case) -> None:
 
 def test_structures_are_those_of_the_header() -> None:
     structures: dict[str, type[ctypes.Structure]] = {
-        "loop_part": loop._Part,
-        "loop_plant": loop._Plant,
-        "loop_state": loop._State,
-        "loop_record": loop._Record,
-        "loop_controller": loop._Controller,
+        "loop_part": loop.LoopPart,
+        "loop_plant": loop.LoopPlant,
+        "loop_state": loop.LoopState,
+        "loop_record": loop.LoopRecord,
+        "loop_controller": loop.LoopController,
     }
     offsets = [
         f"offsetof({name}, {field[0]})"

@@ -80,7 +80,7 @@ def project(copy_of_tools: Callable[[], Path], bare_computer: BareComputer) -> P
 def test_the_second_run_does_nothing(project: Project) -> None:
     first = project.setup()
     assert first.status == 0, first.output
-    assert "2.3 GB" in first.output
+    assert "2.7 GB" in first.output
     assert project.calls() == ["venv", "pip", "pip"]
     second = project.setup()
     assert (second.status, second.output, project.calls()) == (0, "", [])

@@ -95,7 +95,7 @@ class ErrorDynamics:
         return power
 
 
-class _Gains(ctypes.Structure):
+class Gains(ctypes.Structure):
     """``flow_gains``."""
 
     _fields_ = (
@@ -140,7 +140,7 @@ def flow(
     rows = round(duration_s / row_s) + 1
     states = np.zeros((rows, 2))
     states[0] = start
-    gains = _Gains(
+    gains = Gains(
         dynamics.kd, dynamics.kp, exponent_q31(dynamics.alpha), exponent_q31(dynamics.beta)
     )
     _flow_library().flow_run(

@@ -274,6 +274,7 @@ COMMANDS = (
     ),
     Command("Table II on other plants", "make table2", "build/verification/table2.json"),
     Command("the paper's figures", "make figures", "build/verification/figures/"),
+    Command("the same C to play with", "make playground", "build/playground/index.html"),
     Command("the claim on random plants", "make claim", "build/verification/claim.json"),
     Command("special cases", "make special-cases", "build/verification/special_cases.json"),
     Command("rivals", "make rivals", "build/verification/rivals.json"),
