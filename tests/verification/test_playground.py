@@ -362,9 +362,9 @@ def test_classes_are_those_of_the_error_dynamics(page: Page) -> None:
     critical = [(Fraction(10), Fraction(25), Fraction(1), Fraction(1))]
     for k in (Fraction(1), Fraction(3), *(Fraction(n, 7) for n in range(3, 30, 5))):
         critical.append((Fraction(8, 3) * k**3, 2 * k**4, Fraction(1, 2), Fraction(1, 3)))
-    for kd, kp, alpha, beta in critical:
-        for off in (0, Fraction(1, 10**12), -Fraction(1, 10**12)):
-            cases.append(Parameters(kd + off, kp, alpha, beta))
+    for damping, stiffness, alpha, beta in critical:
+        for off in (Fraction(0), Fraction(1, 10**12), -Fraction(1, 10**12)):
+            cases.append(Parameters(damping + off, stiffness, alpha, beta))
     given = [
         {n: [getattr(p, s).numerator, getattr(p, s).denominator]
          for n, s in (("kd", "KD"), ("kp", "KP"), ("alpha", "alpha"), ("beta", "beta"))}
