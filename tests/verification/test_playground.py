@@ -356,15 +356,15 @@ def test_classes_are_those_of_the_error_dynamics(page: Page) -> None:
     cases = []
     for alpha in exponents:
         for beta in {*exponents, finite_time_beta(alpha)}:
-            for kd, kp in ((20, 100), (3, 40), (50, 625), (21, 100), (22, 100)):
-                cases.append(Parameters(Fraction(kd), Fraction(kp), alpha, beta))
+            for kd, stiffness in ((20, 100), (3, 40), (50, 625), (21, 100), (22, 100)):
+                cases.append(Parameters(Fraction(kd), Fraction(stiffness), alpha, beta))
     # KD = KD* exactly, or all but.
     critical = [(Fraction(10), Fraction(25), Fraction(1), Fraction(1))]
     for k in (Fraction(1), Fraction(3), *(Fraction(n, 7) for n in range(3, 30, 5))):
         critical.append((Fraction(8, 3) * k**3, 2 * k**4, Fraction(1, 2), Fraction(1, 3)))
-    for damping, stiffness, alpha, beta in critical:
-        for off in (Fraction(0), Fraction(1, 10**12), -Fraction(1, 10**12)):
-            cases.append(Parameters(damping + off, stiffness, alpha, beta))
+    for least, kp, alpha, beta in critical:
+        for off in (0, Fraction(1, 10**12), -Fraction(1, 10**12)):
+            cases.append(Parameters(least + off, kp, alpha, beta))
     given = [
         {n: [getattr(p, s).numerator, getattr(p, s).denominator]
          for n, s in (("kd", "KD"), ("kp", "KP"), ("alpha", "alpha"), ("beta", "beta"))}

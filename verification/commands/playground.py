@@ -17,8 +17,6 @@ def run(arguments: argparse.Namespace, output: Output) -> int:  # noqa: ARG001 -
         page = write(PAGE)
     size = page.stat().st_size
     if not output.as_json:
-        output.console.print(
-            f"page: {shown(page)}, {size / 1e6:.1f} MB, for any browser, with or without a network"
-        )
+        output.console.print(f"page: {shown(page)} ({size / 1e6:.1f} MB; it needs no network)")
     output.leave({"page_bytes": size}, "playground")
     return 0
