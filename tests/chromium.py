@@ -22,6 +22,9 @@ _FLAGS = (
     *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
     *("--hide-scrollbars", "--remote-debugging-port=0", "--disable-dev-shm-usage"),
+    # Without a screen there is no mouse either; a page may ask for one.
+    "--blink-settings=primaryHoverType=2,availableHoverTypes=2,primaryPointerType=4,"
+    "availablePointerTypes=4",
 )
 _PATIENCE_S = 60.0
 """For an answer, on a busy computer; nothing is measured by it."""
@@ -113,6 +116,18 @@ class Page:
             raise BrowserError(details.get("exception", {}).get("description", details["text"]))
         return told["result"].get("value")
 
+    def until(self, condition: str) -> None:
+        """Waits until an expression is true.
+
+        Raises:
+            BrowserError: it does not become true.
+        """
+        end = time.monotonic() + _PATIENCE_S
+        while not self.evaluate(condition):
+            if time.monotonic() > end:
+                raise BrowserError(f"never true: {condition}")
+            time.sleep(0.02)
+
     def resize(self, width: int, height: int, *, dark: bool = False, phone: bool = False) -> None:
         """Gives the window another size, its page a colour scheme; a phone has twice the pixels."""
         self.call(
@@ -187,7 +202,7 @@ def chromium(folder: Path) -> Iterator[Page]:
     """A fresh page of a browser of its own, which ends with the block.
 
     Args:
-        folder: empty, for the browser's profile.
+        folder: for the browser's profile; empty, or not there yet.
 
     Raises:
         BrowserError: Chromium is missing or does not start.
@@ -199,6 +214,7 @@ def chromium(folder: Path) -> Iterator[Page]:
             "apt-get install --no-install-recommends chromium"
         )
     command = [program, *_FLAGS, f"--user-data-dir={folder}", "about:blank"]
+    folder.mkdir(parents=True, exist_ok=True)
     with (folder / "chromium.log").open("w") as log:
         browser = subprocess.Popen(command, stdout=log, stderr=log)
     try:

@@ -6,7 +6,7 @@ import base64
 import json
 import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -15,6 +15,8 @@ import pytest
 from plotly.offline import get_plotlyjs
 
 from codegen.controller import load
+from tests.chromium import Page as Browser
+from tests.chromium import chromium
 from verification.__main__ import main
 from verification.accuracy import ARITHMETICS
 from verification.certificates.sig_pow.present import shipped
@@ -429,3 +431,86 @@ def test_a_gain_set_that_is_not_safe_is_shown(results: Results) -> None:
     bad = render(replace(results, certificates=unsafe))
     assert "key bad" in bad
     assert 'class="bad">unsafe' in bad
+
+
+# --- In a browser ------------------------------------------------------------------------------
+
+DESKTOP, PHONE = (1280, 900), (390, 844)
+
+
+@pytest.fixture(scope="session")
+def browser(html: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    folder = tmp_path_factory.mktemp("report")
+    path = folder / "index.html"
+    path.write_text(html, encoding="utf-8")
+    with chromium(folder / "profile") as opened:
+        opened.resize(*DESKTOP)
+        opened.open(path)
+        yield opened
+        assert opened.complaints == []
+        assert opened.requests == []
+
+
+def test_a_mouse_has_every_figure_to_zoom_into(browser: Browser) -> None:
+    browser.resize(*DESKTOP)
+    names = browser.evaluate("[...document.querySelectorAll('.chart')].map((chart) => chart.id)")
+    assert len(names) == 8
+    for name in names:
+        x, y, width, height = browser.box(f"#{name}")
+        browser.until(f"document.querySelector('#{name} .infolayer') !== null")
+        assert browser.evaluate(f"document.querySelector('#{name}').data.length") > 0
+        still = f"document.querySelector('#{name}').parentElement.querySelector('.still')"
+        assert browser.evaluate(f"getComputedStyle({still}).display") == "none"
+        assert (width, height) > (300, 200)
+        assert 0 <= x < DESKTOP[0] - width
+        assert y < DESKTOP[1]
+
+
+def test_a_drag_over_a_figure_enlarges_it(browser: Browser) -> None:
+    browser.resize(*DESKTOP)
+    x, y, width, height = browser.box("#chart-table-2")
+    browser.until("document.querySelector('#chart-table-2 .infolayer') !== null")
+    range_now = "document.querySelector('#chart-table-2').layout.xaxis.range"
+    before = browser.evaluate(range_now)
+    across, middle = (x + 0.4 * width, x + 0.6 * width), y + 0.5 * height
+    browser.mouse("mouseMoved", across[0], middle)
+    browser.mouse("mousePressed", across[0], middle, buttons=1)
+    for k in range(1, 6):
+        browser.mouse("mouseMoved", across[0] + k / 5 * (across[1] - across[0]), middle, buttons=1)
+    browser.mouse("mouseReleased", across[1], middle)
+    browser.until(f"{range_now}[1] - {range_now}[0] < {0.6 * (before[1] - before[0])}")
+
+
+def test_a_phone_has_still_figures_and_scrolls_downwards_only(browser: Browser) -> None:
+    browser.resize(*PHONE, phone=True)
+    browser.evaluate("document.documentElement.classList.remove('pointed')")
+    try:
+        assert browser.evaluate("document.documentElement.scrollWidth") == PHONE[0]
+        stills = "[...document.querySelectorAll('.still')]"
+        assert browser.evaluate(f"{stills}.every((s) => s.getBoundingClientRect().height > 50)")
+        charts = "[...document.querySelectorAll('.chart')]"
+        assert browser.evaluate(f"{charts}.every((c) => c.getBoundingClientRect().height === 0)")
+    finally:
+        browser.evaluate("document.documentElement.classList.add('pointed')")
+        browser.resize(*DESKTOP)
+
+
+def test_paper_has_still_figures_and_all_details(browser: Browser) -> None:
+    printed = base64.b64decode(browser.call("Page.printToPDF", preferCSSPageSize=True)["data"])
+    assert printed.startswith(b"%PDF")
+    assert printed.count(b"/Type /Page\n") >= 10
+    browser.call("Emulation.setEmulatedMedia", media="print")
+    try:
+        stills = "[...document.querySelectorAll('.still')]"
+        assert browser.evaluate(f"{stills}.every((s) => s.getBoundingClientRect().height > 50)")
+    finally:
+        browser.call("Emulation.setEmulatedMedia", media="")
+
+
+def test_every_anchor_leads_to_what_can_be_seen(browser: Browser) -> None:
+    browser.resize(*DESKTOP)
+    hidden = browser.evaluate(
+        "[...document.querySelectorAll('a[href^=\"#\"]')].map((a) => a.getAttribute('href'))"
+        ".filter((href) => !document.querySelector(href)?.getBoundingClientRect().height)"
+    )
+    assert hidden == []
