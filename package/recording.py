@@ -17,7 +17,7 @@ from plant.closed_loop import ControllerOutput, simulate
 from plant.controller import GeneratedController
 from plant.flight import check_encoders, default_robot
 from plant.robot import Robot, load_robot
-from plant.trajectory import RestToRest, to_and_fro
+from verification.bench.recording import led
 
 Floats = NDArray[np.float64]
 
@@ -118,27 +118,9 @@ def _robot(controller: Controller) -> Robot | None:
     return robot
 
 
-def led_motion(controller: Controller, amplitude_rad: float, duration_s: float) -> RestToRest:
-    """To and fro with each joint, as slowly as its guard and the duration ask for."""
-    joints = len(controller.joints)
-    return to_and_fro(
-        np.zeros(joints),
-        np.full(joints, amplitude_rad),
-        np.array([0.0, 1.0, 0.0]),
-        duration_s / 2.0,
-    )
-
-
 def _led(controller: Controller, listener: _Listener) -> Recording:
-    joints = controller.joints
-    tick = float(controller.sample_time)
-    # Half of the slowest joint's plausible speed; a rest-to-rest motion peaks near twice its mean.
-    slowest = min(j.max_displacement * abs(j.rad_per_count) / tick for j in joints)
-    amplitude = min(AMPLITUDE_RAD, slowest * DURATION_S / 8.0)
-    reference = led_motion(controller, amplitude, DURATION_S).sampled(tick)
-    per_rad = np.array([1.0 / j.rad_per_count for j in joints])
-    counts = np.rint(reference.position_rad * per_rad).astype(np.int32)
-    listener.reset(counts[0], np.zeros(len(joints)))
+    reference, counts = led(controller, AMPLITUDE_RAD, DURATION_S)
+    listener.reset(counts[0], np.zeros(len(controller.joints)))
     for row in zip(
         counts,
         reference.position_rad,

@@ -15,6 +15,7 @@ formatted = emit._format
 swap = emit._swap
 
 _ENVIRONMENT = environment(TEMPLATES)
+_ENVIRONMENT.filters["thousands"] = lambda x: "–" if x is None else f"{x:,.0f}".replace(",", " ")
 
 
 def text(template: str, values: dict[str, Any]) -> str:
