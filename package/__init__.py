@@ -5,6 +5,7 @@
 - :mod:`fmu`: the FMU itself.
 - :mod:`figures`: what the controller costs and how it settles, measured and enclosed.
 - :mod:`recording`: a flight of the controller, against which the FMU is held.
-- :mod:`checks`: each part tried with the strongest tool that works without a network.
+- :mod:`checks`: each part tried with the strongest tool that works without a network; the FMU in
+  :mod:`simulation`, the manifests in :mod:`manifests`, the tools in :mod:`tools`.
 - :mod:`making`: all of it, written whole or not at all.
 """

@@ -5,9 +5,11 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
+from rich.status import Status
 from rich.table import Table
 
 from codegen.controller import load
@@ -15,8 +17,8 @@ from codegen.emit import REPOSITORY
 from codegen.literals import UnprintableError
 from codegen.problems import SpecificationError
 from codegen.source import GenerationError
-from package.checks import CheckError
 from package.making import PACKAGES, Made, make
+from package.tools import CheckError
 from plant.assembly import PlantError
 from plant.closed_loop import ControllerError
 from plant.native import CompilerError
@@ -50,11 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         for controller in [load(path) for path in paths]:
             with progress.status(controller.name) as status:
-                made = make(
-                    controller,
-                    options.output,
-                    says=lambda what, name=controller.name: status.update(f"{name}: {what}"),
-                )
+                made = make(controller, options.output, says=partial(_say, status, controller.name))
             _show(made, console)
     except _WRONG as error:
         print(f"error: {error}", file=sys.stderr)
@@ -63,6 +61,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 2
     return 0
+
+
+def _say(status: Status, name: str, what: str) -> None:
+    status.update(f"{name}: {what}")
 
 
 def _show(made: Made, console: Console) -> None:

@@ -51,9 +51,10 @@ class Package:
         return f"tdc_{self.controller.name}"
 
     @property
-    def next_major(self) -> str:
-        """A version that a user of this one must not be given."""
-        return f"{int(self.version.split('.')[0]) + 1}.0.0"
+    def other_majors(self) -> tuple[str, ...]:
+        """Versions that who asks for one of them must not get this one instead of."""
+        major = int(self.version.split(".")[0])
+        return tuple(f"{other}.0.0" for other in (major - 1, major + 1) if other >= 0)
 
     @property
     def sources(self) -> tuple[str, ...]:
@@ -91,7 +92,10 @@ def files(package: Package) -> dict[str, bytes]:
         "manifest.json": package.generated.files["manifest.json"],
         "LICENSE": (REPOSITORY / "LICENSE").read_text(encoding="utf-8"),
         "examples/minimal/main.c": formatted(text("main.c.j2", values), "main.c"),
-        **{path.format(p=package.prefix): text(template, values) for path, template in _TEXTS.items()},
+        **{
+            path.format(p=package.prefix): text(template, values)
+            for path, template in _TEXTS.items()
+        },
     }
     encoded = {path: body.encode("utf-8") for path, body in made.items()}
     return {**encoded, FMU.format(package.prefix): fmu(package.controller, package.generated)}

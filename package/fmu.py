@@ -18,7 +18,7 @@ from codegen.floating_point import FieldValue
 from codegen.layout import joint_config_values, layout
 from codegen.structs import Scalar
 from package.rendering import formatted, text
-from package.variables import FIXED_POWER, UNITS, Role, Variable, variables
+from package.variables import FIXED_POWER, UNITS, Role, variables
 from plant.units import Unit, units
 
 HEADERS = ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h")

@@ -50,7 +50,7 @@ def make(
 
     Raises:
         GenerationError: the C can't be generated, or the folder can't be written.
-        package.checks.CheckError: a part doesn't work.
+        package.tools.CheckError: a part doesn't work.
         verification.firmware.ToolError: a compiler or an emulator is missing.
         verification.bench.rows.BenchError: the cost that was measured can't be right.
     """

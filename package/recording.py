@@ -31,6 +31,7 @@ class Recording:
 
     Attributes:
         source: what was flown, for people.
+        sample_time_s: L.
         holding_torque_Nm: at the start, shape (n,).
         first_counts: at the start, shape (n,).
         counts: shape (ticks, n); likewise all others but the last.
@@ -42,6 +43,7 @@ class Recording:
     """
 
     source: str
+    sample_time_s: float
     holding_torque_Nm: Floats
     first_counts: NDArray[np.int32]
     counts: NDArray[np.int32]
@@ -78,13 +80,17 @@ class _Listener:
         return self.said[-1]
 
     def recording(self, source: str) -> Recording:
-        columns = (np.array(column) for column in zip(*self.heard, strict=True))
+        counts, position, velocity, acceleration = map(np.array, zip(*self.heard, strict=True))
         first, holding = self.start[-1]
         return Recording(
             source,
+            float(self.inner.specification.sample_time),
             holding,
             first,
-            *columns,
+            counts,
+            position,
+            velocity,
+            acceleration,
             np.array([output.torque_Nm for output in self.said]),
             np.array([output.status for output in self.said]),
         )
