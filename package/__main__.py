@@ -10,13 +10,13 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.status import Status
-from rich.table import Table
 
 from codegen.controller import load
 from codegen.emit import REPOSITORY
 from codegen.literals import UnprintableError
 from codegen.problems import SpecificationError
 from codegen.source import GenerationError
+from package.checks import Label
 from package.making import PACKAGES, Made, make
 from package.tools import CheckError
 from plant.assembly import PlantError
@@ -31,6 +31,7 @@ _TROUBLE = (
     *(ToolError, OSError),
 )
 _WRONG = (CheckError, BenchError, ControllerError)
+_COLOURS = {Label.BUILT: "green", Label.MANIFEST: "yellow"}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -68,13 +69,12 @@ def _say(status: Status, name: str, what: str) -> None:
 
 
 def _show(made: Made, console: Console) -> None:
-    table = Table(title=f"{shown(made.folder)}/", title_justify="left")
-    for column in ("for", "files", "", "how to use it"):
-        table.add_column(column)
-    table.add_row("any project", "src/", "", "copy, include, call: README.md")
+    console.print(f"[bold]{shown(made.folder)}/[/bold]")
+    console.print("  any project: copy src/, include, call; README.md has it in ten lines")
     for part in made.parts:
-        table.add_row(part.title, part.files, part.label.value, part.use)
-    console.print(table)
+        label = f"[{_COLOURS[part.label]}]{part.label.value}[/]"
+        console.print(f"  {part.title} ({part.files}): {label}", soft_wrap=True)
+        console.print(f"      {part.use}", soft_wrap=True)
 
 
 if __name__ == "__main__":

@@ -96,10 +96,14 @@ class _Listener:
         )
 
 
-def record(controller: Controller) -> Recording:
+def record(controller: Controller, speed: float = 1.0) -> Recording:
     """Flies the controller on the default robot for its joints, along that robot's trajectory.
 
     A controller that no such robot fits is led to and fro by encoders that show its own reference.
+
+    Args:
+        controller: the specification.
+        speed: how many times as fast the trajectory is run.
 
     Raises:
         plant.native.CompilerError: the C can't be compiled.
@@ -110,7 +114,8 @@ def record(controller: Controller) -> Recording:
     if robot is None or robot.trajectory is None:
         return _led(controller, listener)
     sample_time = float(controller.sample_time)
-    run = simulate(build_plant(robot), listener, robot.trajectory, sample_time, progress=False)
+    trajectory = robot.trajectory.faster(speed)
+    run = simulate(build_plant(robot), listener, trajectory, sample_time, progress=False)
     seconds = len(run.time_s) * sample_time
     return listener.recording(f"{seconds:g} s in closed loop with the robot {robot.name}")
 
