@@ -89,7 +89,7 @@ def _shared(controller: Controller) -> dict[str, Any]:
         "sample_time": repr(float(controller.sample_time)),
         "variables": table,
         "starts": starts(controller),
-        "units": {name: _DIMENSIONS[name] for name in ("s", *UNITS.values())},
+        "units": {name: _DIMENSIONS[name] for name in UNITS.values()},
         "roles": [role.name for role in Role],
         "stored": [each.name for each in stored],
         "c_types": {each.name: each.value for each in stored},

@@ -65,7 +65,14 @@ _FMI_TYPES = {
 }
 
 # FMI's names of units, by those of the law; gains whose unit hangs on an exponent have none.
-UNITS = {"rad": "rad", "rad/s": "rad/s", "rad/s^2": "rad/s2", "N m": "N.m", "kg m^2": "kg.m2"}
+UNITS = {
+    "s": "s",
+    "rad": "rad",
+    "rad/s": "rad/s",
+    "rad/s^2": "rad/s2",
+    "N m": "N.m",
+    "kg m^2": "kg.m2",
+}
 
 
 @dataclass(frozen=True)

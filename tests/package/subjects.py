@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from codegen.controller import Controller, load
-from codegen.emit import generate
+from codegen.emit import GeneratedFiles
 from package.contents import FMU, Package, files, package_of
 from package.recording import Recording
 from package.simulation import build_fmu
 
-CONTROLLERS = Path(__file__).parents[2] / "controllers"
+ROOT = Path(__file__).parents[2]
 M4F = "mps2-an386"
 
 
@@ -26,14 +26,15 @@ class Subject:
 
 def controller(name: str) -> Controller:
     """A committed specification."""
-    return load(CONTROLLERS / f"{name}.toml")
+    return load(ROOT / "controllers" / f"{name}.toml")
 
 
 @functools.cache
 def packaged(name: str) -> Package:
-    """Its package."""
-    specification = controller(name)
-    return package_of(specification, generate(specification))
+    """Its package, of the committed C: that it is what is generated has tests of its own."""
+    folder = ROOT / "generated" / name
+    texts = {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()}
+    return package_of(controller(name), GeneratedFiles(name, texts))
 
 
 _CONTENTS: dict[tuple[str, str], dict[str, bytes]] = {}

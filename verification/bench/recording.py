@@ -451,9 +451,7 @@ def _encoders(controller: Controller) -> tuple[object, ...]:
     )
 
 
-def all_sequences(
-    controller: Controller, recorded: Replayed | None = None
-) -> tuple[Replayed, ...]:
+def all_sequences(controller: Controller, recorded: Replayed | None = None) -> tuple[Replayed, ...]:
     """Everything that is replayed for a controller's numbers, in order; the recording is one.
 
     Args:
