@@ -12,10 +12,16 @@ from dataclasses import dataclass
 
 from codegen.controller import Controller, Joint
 from plant.controller import structures
-from verification.bench.recording import recording_for
+from verification.bench.recording import LED, RECORDED, recording_for
 from verification.bench.rows import Result, measure_controller
 from verification.tuning_check.check import TuningCheck, of_specification
 from verification.tuning_check.present import headline, settling, settling_to_a_count, stable_in
+
+
+_MOTIONS = {
+    RECORDED: "a recorded motion",
+    LED: "a motion in which the encoders show the reference itself",
+}
 
 
 @dataclass(frozen=True)
@@ -49,6 +55,7 @@ class Figures:
         cost: from the bench, on the cores that the controller's numbers are for.
         motion: what the bench replayed.
         verdict: on the gains, in one line.
+        proved: whether the stable intervals are.
         joints: limits and settling.
         state_bytes: of the controller's memory.
         config_bytes: of a configuration.
@@ -57,6 +64,7 @@ class Figures:
     cost: Result
     motion: str
     verdict: str
+    proved: bool
     joints: tuple[JointFigures, ...]
     state_bytes: int
     config_bytes: int
@@ -77,8 +85,9 @@ def figures(controller: Controller, boards: Iterable[str] | None = None) -> Figu
     made = structures(controller)
     return Figures(
         measure_controller(controller, boards),
-        recording_for(controller).name,
+        _MOTIONS[recording_for(controller).name],
         headline(checked),
+        all(joint.specified.sampled.proved for joint in checked.joints),
         tuple(_joint(controller, joint, checked, i) for i, joint in enumerate(controller.joints)),
         ctypes.sizeof(made.state),
         ctypes.sizeof(made.config),

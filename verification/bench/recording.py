@@ -38,6 +38,9 @@ Counts = NDArray[np.int32]
 ROBOTS = {3: ("puma3", "reference"), 6: ("puma6", "puma560")}
 """Number of joints: the controller, and the robot that it is recorded on."""
 
+RECORDED, LED = "recorded motion", "led motion"
+"""Names of the two kinds of recordings."""
+
 TICKS = 256
 """Length of the recording."""
 AMPLITUDE_RAD = 0.01
@@ -157,9 +160,7 @@ def record(joints: int) -> Replayed:
         for k in range(TICKS)
     )
     holding = tuple(map(binary32, gravity_torque(plant.model, motion.start_rad)))
-    return Replayed(
-        "recorded motion", Kind.RECORDED, Outcome.USUAL, ticks[0].counts, holding, ticks
-    )
+    return Replayed(RECORDED, Kind.RECORDED, Outcome.USUAL, ticks[0].counts, holding, ticks)
 
 
 def _wrap(value: int) -> int:
@@ -438,9 +439,7 @@ def recording_for(controller: Controller) -> Replayed:
         )
         for k in range(len(counts))
     )
-    return Replayed(
-        "led motion", Kind.RECORDED, Outcome.USUAL, ticks[0].counts, (0.0,) * joints, ticks
-    )
+    return Replayed(LED, Kind.RECORDED, Outcome.USUAL, ticks[0].counts, (0.0,) * joints, ticks)
 
 
 def _encoders(controller: Controller) -> tuple[object, ...]:
