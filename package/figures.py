@@ -17,7 +17,6 @@ from verification.bench.rows import Result, measure_controller
 from verification.tuning_check.check import TuningCheck, of_specification
 from verification.tuning_check.present import headline, settling, settling_to_a_count, stable_in
 
-
 _MOTIONS = {
     RECORDED: "a recorded motion",
     LED: "a motion in which the encoders show the reference itself",

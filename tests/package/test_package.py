@@ -136,7 +136,7 @@ def test_a_controller_without_a_robot_is_led(tmp_path: Path) -> None:
     data = read(ROOT / "controllers" / "puma3.toml")
     data = {**data, "name": "two", "joint_names": ["a", "b"], "description": ""}
     data["law"] = {**data["law"], "inertia_kgm2": [1]}
-    data["drive"] = {"torque_limit_Nm": [50]}
+    data["drive"] = {"torque_limit_Nm": [50], "reports_torque": True}
     own = resolve(data, "two.toml")
     recording = record(own)
     assert "without a robot" in recording.source
@@ -144,6 +144,18 @@ def test_a_controller_without_a_robot_is_led(tmp_path: Path) -> None:
     with Simulation(fmu_of(package_of(own, generate(own)), tmp_path)) as simulation:
         simulation.start(recording.first_counts, recording.holding_torque_Nm)
         compare(simulation.fly(recording), recording)
+        # What the drives report takes the place of what was commanded.
+        simulation.slave.reset()
+        c = GeneratedController(own)
+        c.reset(recording.first_counts, recording.holding_torque_Nm)
+        simulation.start(recording.first_counts, recording.holding_torque_Nm)
+        for reported in ([1.5, -2.25], [7.0, 0.1]):
+            c.input.applied_torque_Nm[:] = reported
+            simulation.set(simulation.names("applied_torque"), reported)
+            answers = simulation.fly(recording, 0, 1)
+            wanted = c.step(*(getattr(recording, column)[0] for column in GIVEN.values()))
+            assert answers.torque_Nm[0].tolist() == wanted.torque_Nm.tolist()
+            assert abs(wanted.torque_Nm[0] - reported[0]) < 1e-6
     row = figures(own, [M4F]).cost.rows[0]
     assert row.joints == 2
     assert 200 < row.instructions_per_step < 461  # less than three joints take
