@@ -6,6 +6,7 @@ The C flies through ctypes, as in every experiment; the FMU of the same C is hel
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -96,7 +97,7 @@ class _Listener:
         )
 
 
-def record(controller: Controller, speed: float = 1.0) -> Recording:
+def record(controller: Controller, speed: float = 1.0, library: Path | None = None) -> Recording:
     """Flies the controller on the default robot for its joints, along that robot's trajectory.
 
     A controller that no such robot fits is led to and fro by encoders that show its own reference.
@@ -104,12 +105,13 @@ def record(controller: Controller, speed: float = 1.0) -> Recording:
     Args:
         controller: the specification.
         speed: how many times as fast the trajectory is run.
+        library: its compiled C; generated and compiled if not given.
 
     Raises:
         plant.native.CompilerError: the C can't be compiled.
         plant.closed_loop.ControllerError: the controller ended the run.
     """
-    listener = _Listener(GeneratedController(controller))
+    listener = _Listener(GeneratedController(controller, library))
     robot = _robot(controller)
     if robot is None or robot.trajectory is None:
         return _led(controller, listener)

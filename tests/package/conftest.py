@@ -13,7 +13,7 @@ import pytest
 
 from package.figures import Figures, figures
 from package.recording import record
-from tests.package.subjects import M4F, Subject, controller, fmu_of, packaged
+from tests.package.subjects import M4F, Subject, controller, fmu_of, library_of, packaged
 
 
 @pytest.fixture(scope="session")
@@ -36,10 +36,11 @@ def once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[P
 
 @pytest.fixture(scope="session")
 def subject(once: Callable[..., Subject]) -> Subject:
-    return once(
-        "package-subject",
-        lambda folder: Subject(fmu_of(packaged("puma3"), folder), record(controller("puma3"))),
-    )
+    def made(folder: Path) -> Subject:
+        flight = record(controller("puma3"), library=library_of("puma3"))
+        return Subject(fmu_of(packaged("puma3"), folder), flight)
+
+    return once("package-subject", made)
 
 
 @pytest.fixture(scope="session")

@@ -11,6 +11,7 @@ from codegen.emit import GeneratedFiles
 from package.contents import FMU, Package, files, package_of
 from package.recording import Recording
 from package.simulation import build_fmu
+from plant.native import shared_library
 
 ROOT = Path(__file__).parents[2]
 M4F = "mps2-an386"
@@ -35,6 +36,11 @@ def packaged(name: str) -> Package:
     folder = ROOT / "generated" / name
     texts = {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()}
     return package_of(controller(name), GeneratedFiles(name, texts))
+
+
+def library_of(name: str) -> Path:
+    """The committed C, compiled."""
+    return shared_library(ROOT / "generated" / name)
 
 
 _CONTENTS: dict[tuple[str, str], dict[str, bytes]] = {}

@@ -18,6 +18,7 @@ from fmpy.fmi1 import FMICallException
 
 from codegen.controller import read, resolve
 from codegen.emit import generate
+from codegen.sig_pow64 import exponent64
 from codegen.source import GenerationError
 from codegen.status import Status
 from package import __main__, making
@@ -25,12 +26,20 @@ from package.checks import Label, check_cmake, parts
 from package.contents import FMU, Package, files, package_of
 from package.figures import Figures, figures
 from package.manifests import check_arduino, check_esp_idf, check_platformio, check_zephyr
-from package.recording import record
+from package.recording import Recording, record
 from package.simulation import GIVEN, Answers, Simulation, compare
 from package.tools import CheckError
 from package.variables import Role, variables
-from plant.controller import GeneratedController
-from tests.package.subjects import M4F, Subject, contents_of, controller, fmu_of, packaged
+from plant.controller import Exponent64, GeneratedController
+from tests.package.subjects import (
+    M4F,
+    Subject,
+    contents_of,
+    controller,
+    fmu_of,
+    library_of,
+    packaged,
+)
 from tests.toolchain import WARNINGS, run
 
 ROOT = Path(__file__).parents[2]
@@ -89,12 +98,28 @@ def test_every_controller_s_fmu_flies_as_its_c_did(
 ) -> None:
     package = packaged(name)
     # So fast that joints reach their limits.
-    recording = record(package.controller, speed=6.0)
+    recording = record(package.controller, speed=6.0, library=library_of(name))
     fmu = subject.fmu if name == "puma3" else fmu_of(package, tmp_path)
     with Simulation(fmu) as simulation:
         set_every_start_value(simulation, fmu)
         simulation.start(recording.first_counts, recording.holding_torque_Nm)
         compare(simulation.fly(recording), recording)
+        if name == "puma3_float64":
+            tuned_exponents_are_exact(simulation, recording)
+
+
+def tuned_exponents_are_exact(simulation: Simulation, recording: Recording) -> None:
+    """An exponent in two doubles holds every double that FMI gives."""
+    c = GeneratedController(controller("puma3_float64"), library_of("puma3_float64"))
+    c.config.joint[0].alpha = Exponent64(*exponent64(0.3))
+    c.reset(recording.first_counts, recording.holding_torque_Nm)
+    simulation.slave.reset()
+    simulation.set("joint[1].alpha", 0.3)
+    assert simulation.get("joint[1].alpha") == [0.3]
+    simulation.start(recording.first_counts, recording.holding_torque_Nm)
+    answers = simulation.fly(recording, last=100)
+    rows = (tuple(getattr(recording, column)[k] for column in GIVEN.values()) for k in range(100))
+    assert answers.torque_Nm.tolist() == [c.step(*row).torque_Nm.tolist() for row in rows]
 
 
 def test_fmpy_s_own_importer_gets_them_too(subject: Subject) -> None:
@@ -166,7 +191,7 @@ def test_a_controller_without_a_robot_is_led(tmp_path: Path) -> None:
 
 def test_tuned_parameters_act_as_in_the_c(subject: Subject, flown: Simulation) -> None:
     recording = subject.recording
-    c = GeneratedController(controller("puma3"))
+    c = GeneratedController(controller("puma3"), library_of("puma3"))
     c.reset(recording.first_counts, recording.holding_torque_Nm)
     half = 100
     before = flown.fly(recording, last=half)
@@ -225,7 +250,7 @@ def test_of_several_parameters_none_is_taken_if_one_is_refused(flown: Simulation
 
 def test_fixed_point_is_tuned_in_the_c_s_integers() -> None:
     table = {v.name: v for v in variables(controller("puma3_fixed"))}
-    c = GeneratedController(controller("puma3_fixed"))
+    c = GeneratedController(controller("puma3_fixed"), library_of("puma3_fixed"))
     shown = table["joint[2].stiffness.scale_q24"]
     assert (shown.role, shown.place) == (Role.TUNABLE, "config.joint[1].stiffness.scale_q24")
     assert "2^-24" in shown.doc
