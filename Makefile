@@ -87,7 +87,7 @@ firmware: setup
 	@tools/system_tools.sh test firmware
 	@$(MAKE) --no-print-directory -C firmware_stub every
 
-## Package a controller's C for CMake, FMI 3.0, PlatformIO, ESP-IDF, Zephyr and Arduino, and try it
+## Package a controller's C for CMake, FMI, PlatformIO, ESP-IDF, Zephyr, Arduino; try each
 .PHONY: package
 package: setup
 	@tools/system_tools.sh test firmware package
