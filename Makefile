@@ -87,6 +87,12 @@ firmware: setup
 	@tools/system_tools.sh test firmware
 	@$(MAKE) --no-print-directory -C firmware_stub every
 
+## Package a controller's C for CMake, FMI, PlatformIO, ESP-IDF, Zephyr, Arduino; try each
+.PHONY: package
+package: setup
+	@tools/system_tools.sh test firmware package
+	@$(run) -m package $(CONTROLLER)
+
 ## Measure flash, RAM and stack of the firmware per controller and board
 .PHONY: size
 size: setup
@@ -170,7 +176,7 @@ bench: setup
 ## Run the tests; narrow them with PYTEST_ARGS="-k WORD"
 .PHONY: test
 test: setup
-	@tools/system_tools.sh test firmware fuzz
+	@tools/system_tools.sh test firmware fuzz package
 	@$(run) -m pytest --numprocesses auto $(PYTEST_ARGS)
 
 ## Check style, types and C rules: ruff, mypy, clang-format, clang-tidy, cppcheck (MISRA), gcc

@@ -149,6 +149,16 @@ def prepare(variant: Variant, joints: int, directory: Path) -> Prepared:
         codegen.emit.GenerationError: it could not be generated.
     """
     controller = controller_of(joints, variant.experiment, variant.numbers)
+    return prepare_for(controller, variant, directory)
+
+
+def prepare_for(controller: Controller, variant: Variant, directory: Path) -> Prepared:
+    """Generates and writes a variant's C of any controller below a directory.
+
+    Raises:
+        codegen.emit.GenerationError: it could not be generated.
+    """
+    joints = len(controller.joints)
     chosen = (variant.experiment or "default", *(value for _, value in variant.numbers))
     shared = directory / "generated" / "-".join(chosen)
     generated = shared / controller.name

@@ -19,6 +19,7 @@ from enum import Enum
 from random import Random
 
 import numpy as np
+from numpy.typing import NDArray
 
 from codegen.arithmetic import FLOAT64
 from codegen.controller import Controller, read, resolve
@@ -28,12 +29,17 @@ from plant.closed_loop import simulate
 from plant.controller import GeneratedController, structures
 from plant.model import gravity_torque
 from plant.robot import load_robot
-from plant.trajectory import to_and_fro
+from plant.trajectory import Reference, to_and_fro
 from plant.units import units
 from verification.experiments import CONTROLLERS
 
+Counts = NDArray[np.int32]
+
 ROBOTS = {3: ("puma3", "reference"), 6: ("puma6", "puma560")}
 """Number of joints: the controller, and the robot that it is recorded on."""
+
+RECORDED, LED = "recorded motion", "led motion"
+"""Names of the two kinds of recordings."""
 
 TICKS = 256
 """Length of the recording."""
@@ -154,9 +160,7 @@ def record(joints: int) -> Replayed:
         for k in range(TICKS)
     )
     holding = tuple(map(binary32, gravity_torque(plant.model, motion.start_rad)))
-    return Replayed(
-        "recorded motion", Kind.RECORDED, Outcome.USUAL, ticks[0].counts, holding, ticks
-    )
+    return Replayed(RECORDED, Kind.RECORDED, Outcome.USUAL, ticks[0].counts, holding, ticks)
 
 
 def _wrap(value: int) -> int:
@@ -388,9 +392,72 @@ def _random_integers(
     return each(fastest), each(hardest)
 
 
-def all_sequences(controller: Controller) -> tuple[Replayed, ...]:
-    """Everything that is replayed for a controller's numbers, in order; the recording is one."""
-    recorded = record(len(controller.joints))
+def led(controller: Controller, amplitude_rad: float, seconds: float) -> tuple[Reference, Counts]:
+    """To and fro with all joints, and what encoders count that follow the reference exactly.
+
+    For a controller that no simulated robot fits. Where a joint may not move as fast, all of them
+    move less far.
+
+    Args:
+        controller: whose sample time, encoders and plausible speeds these are.
+        amplitude_rad: how far each joint moves.
+        seconds: of the whole motion.
+
+    Returns:
+        The reference, and counts of shape (ticks, n).
+    """
+    joints, tick = controller.joints, float(controller.sample_time)
+    slowest = min(j.max_displacement * abs(j.rad_per_count) / tick for j in joints)
+    # A rest-to-rest motion peaks at about twice its mean speed, and may reach half of the limit.
+    amplitude = min(amplitude_rad, slowest * seconds / 8.0)
+    motion = to_and_fro(
+        np.zeros(len(joints)),
+        np.full(len(joints), amplitude),
+        np.array([0.0, 1.0, 0.0]),
+        seconds / 2.0,
+    )
+    reference = motion.sampled(tick)
+    per_rad = np.array([1.0 / j.rad_per_count for j in joints])
+    return reference, np.rint(reference.position_rad * per_rad).astype(np.int32)
+
+
+def recording_for(controller: Controller) -> Replayed:
+    """The bench's recording where a controller has that robot's encoders; else it is led."""
+    joints = len(controller.joints)
+    own = controller_of(joints) if joints in ROBOTS else None
+    if own is not None and _encoders(own) == _encoders(controller):
+        return record(joints)
+    reference, counts = led(controller, AMPLITUDE_RAD, TICKS * float(controller.sample_time))
+    per_rad = np.array([1.0 / j.rad_per_count for j in controller.joints])
+    q8 = np.rint(reference.position_rad * per_rad * 256.0).astype(int)
+    ticks = tuple(
+        Tick(
+            tuple(map(int, counts[k])),
+            tuple(map(int, q8[k])),
+            tuple(map(binary32, reference.velocity_rad_per_s[k])),
+            tuple(map(binary32, reference.acceleration_rad_per_s2[k])),
+        )
+        for k in range(len(counts))
+    )
+    return Replayed(LED, Kind.RECORDED, Outcome.USUAL, ticks[0].counts, (0.0,) * joints, ticks)
+
+
+def _encoders(controller: Controller) -> tuple[object, ...]:
+    """What a recording depends on: sample time, counts, and what motion is plausible."""
+    return (
+        controller.sample_time,
+        *((j.counts_per_joint_rev, j.max_displacement) for j in controller.joints),
+    )
+
+
+def all_sequences(controller: Controller, recorded: Replayed | None = None) -> tuple[Replayed, ...]:
+    """Everything that is replayed for a controller's numbers, in order; the recording is one.
+
+    Args:
+        controller: with these numbers.
+        recorded: the recording; the bench's own for this number of joints by default.
+    """
+    recorded = record(len(controller.joints)) if recorded is None else recorded
     return (
         recorded,
         *special_cases(recorded, controller),

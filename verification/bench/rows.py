@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from codegen.controller import Controller
 from codegen.emit import REPOSITORY
 from plant.native import BUILD
 from verification.bench import cycles, parts
@@ -29,6 +30,7 @@ from verification.bench.program import (
     library_version,
     plugin,
     prepare,
+    prepare_for,
     require_tools,
     write_data,
 )
@@ -40,6 +42,7 @@ from verification.bench.recording import (
     Replayed,
     all_sequences,
     controller_of,
+    recording_for,
 )
 from verification.bench.variants import (
     NAIVE_DOUBLE,
@@ -49,6 +52,7 @@ from verification.bench.variants import (
     VARIANTS,
     WITH_POWERS,
     Variant,
+    variant_of,
 )
 from verification.disassembly import Program as Code
 from verification.disassembly import disassemble
@@ -252,6 +256,41 @@ def measure(
                     for b in chosen
                 ]
             rows = tuple(row for job in jobs for row in job.result())
+    return Result(rows, spreads(rows), tuple(map(_conditions, chosen)))
+
+
+def measure_controller(controller: Controller, boards: Iterable[str] | None = None) -> Result:
+    """The same for one controller's own C, on all cores that its numbers are for.
+
+    Args:
+        controller: any specification.
+        boards: names of boards, all of them by default.
+
+    Raises:
+        BenchError: the two ways to count disagree.
+        verification.firmware.ToolError: a tool is missing or failed.
+    """
+    variant = variant_of(controller)
+    chosen = [b for b in map(load_board, boards or board_names()) if variant.fits(b)]
+    for board in chosen:
+        require_tools(board)
+    with tempfile.TemporaryDirectory(prefix="bench-") as scratch:
+        directory = Path(scratch)
+        counter = plugin(directory)
+        prepared = prepare_for(controller, variant, directory)
+        sequences = all_sequences(controller, recording_for(controller))
+        data = write_data(controller, sequences, directory)
+
+        def on(board: Board) -> Row:
+            common = harness(board, prepared, data, directory)
+            program = build(board, prepared, common, directory)
+            recorded = len(sequences[0].ticks)
+            return _row(program, replay(program, counter, data.ticks, recorded), sequences)
+
+        with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+            rows = tuple(pool.map(on, chosen))
+    for row in rows:
+        _check(row)
     return Result(rows, spreads(rows), tuple(map(_conditions, chosen)))
 
 

@@ -286,3 +286,14 @@ VARIANTS = (
 )
 WITH_POWERS = (PROJECT, PROJECT_PRECISE, PROJECT_FLOAT64, PROJECT_FIXED)
 """What a specification chooses from: this project's step in all its numbers."""
+
+
+def variant_of(controller: Controller) -> Variant:
+    """This project's step in a controller's numbers."""
+    return next(v for v in WITH_POWERS if _arithmetic(v) == controller.arithmetic)
+
+
+def _arithmetic(variant: Variant) -> Arithmetic:
+    chosen: dict[str, Any] = dict(variant.numbers)
+    kind = chosen.pop("arithmetic", Arithmetic().kind)
+    return Arithmetic(kind=kind, **chosen)
