@@ -18,7 +18,7 @@ from codegen.reference.c_api import parse
 from codegen.reference.keys import fields, tables
 
 PUMA3 = REPOSITORY / "controllers" / "puma3.toml"
-WITHOUT_PRESETS = REPOSITORY / "examples" / "ur5" / "controller.toml"
+WITHOUT_PRESETS = REPOSITORY / "examples" / "03_your_own_urdf" / "controller.toml"
 KEYS = [(table, key) for table, model in tables().items() for key in fields(model)]
 
 

@@ -35,12 +35,11 @@ from plant.campaign.specification import read as read_campaign
 from plant.flight import ROBOT_KEYS
 from plant.robot import read_robot_file
 from plant.scenario import read_scenario
-from tests.repository.conftest import ROOT, source_files
+from tests.repository.conftest import PYTHON, ROOT, source_files
 from tests.repository.markdown import Block, Page, parse, project_pages, slug
 
 PAGES = project_pages()
 BLOCKS = [block for page in PAGES.values() for block in page.blocks]
-PYTHON = ".venv/bin/python"
 CHECKED = ("sh", "python", "c", "toml")
 AS_THEY_STAND = ("text", "cmake")
 COMPILE = ("gcc", "-std=c99", "-fsyntax-only", "-x", "c", "-Wall", "-Wextra", "-Wstrict-prototypes",
@@ -198,23 +197,6 @@ def test_make_targets_and_arguments_are_there(block: Block) -> None:
 def test_what_is_not_there_is_found(command: str) -> None:
     (words,) = Block(Path("x.md"), 1, "sh", command).commands
     assert against(words)
-
-
-@pytest.fixture(scope="module")
-def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The repository once more, to run commands in; what was compiled before serves there, too."""
-    root = tmp_path_factory.mktemp("copy") / "project"
-    for file in source_files():
-        target = root / file.relative_to(ROOT)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy2(file, target)
-    (ROOT / "build" / "host").mkdir(parents=True, exist_ok=True)
-    (root / "build").mkdir()
-    (root / "build" / "host").symlink_to(ROOT / "build" / "host")
-    (root / ".venv" / "bin").mkdir(parents=True)
-    (root / PYTHON).write_text(f'#!/bin/sh\nexec "{sys.executable}" "$@"\n', encoding="utf-8")
-    (root / PYTHON).chmod(0o755)
-    return root
 
 
 @pytest.mark.parametrize("block", [p for p in of("sh") if p.values[0].mark != "checked only"])
