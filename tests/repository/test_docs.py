@@ -37,6 +37,7 @@ from plant.robot import read_robot_file
 from plant.scenario import read_scenario
 from tests.repository.conftest import PYTHON, ROOT, source_files
 from tests.repository.markdown import Block, Page, parse, project_pages, slug
+from verification.evidence import Evidence
 
 PAGES = project_pages()
 BLOCKS = [block for page in PAGES.values() for block in page.blocks]
@@ -126,6 +127,12 @@ def test_slug_is_that_of_github(heading: str, anchor: str) -> None:
 
 def test_equal_headings_are_counted() -> None:
     assert parse(Path("x.md"), "# A `b`\n## A b\n## C\n").anchors == {"a-b", "a-b-1", "c"}
+
+
+def test_the_words_of_evidence_mean_what_the_code_means() -> None:
+    text = (ROOT / "docs" / "what-is-proved.md").read_text(encoding="utf-8")
+    for evidence in Evidence:
+        assert f"| {evidence.value} | {evidence.meaning} |" in text
 
 
 # --- Blocks: what stands above them ------------------------------------------------------------
