@@ -21,6 +21,7 @@ from codegen.emit import (
 from codegen.literals import UnprintableError
 from codegen.presets import LAW_PRESETS, ROBOT_PRESETS
 from codegen.problems import SpecificationError
+from codegen.reference import pages
 from codegen.specification import json_schema
 
 CONTROLLERS = REPOSITORY / "controllers"
@@ -87,7 +88,12 @@ def _check(_: argparse.Namespace, console: Console) -> int:
         if path.is_dir() and path.name not in names and not path.name.startswith(".")
     ]
     if not SCHEMA.exists() or SCHEMA.read_text(encoding="utf-8") != json_schema():
-        findings.append(f"{SCHEMA}: differs")
+        findings.append(f"{SCHEMA}: differs; run `python -m codegen schema`")
+    findings += [
+        f"{path}: differs; run `python -m codegen reference`"
+        for path, text in pages(GENERATED).items()
+        if not path.exists() or path.read_text(encoding="utf-8") != text
+    ]
     for finding in findings:
         console.print(finding, style="red", soft_wrap=True)
     if findings:
@@ -100,6 +106,13 @@ def _check(_: argparse.Namespace, console: Console) -> int:
 def _schema(_: argparse.Namespace, console: Console) -> int:
     SCHEMA.write_text(json_schema(), encoding="utf-8")
     console.print(f"{_shown(SCHEMA)} written")
+    return 0
+
+
+def _reference(_: argparse.Namespace, console: Console) -> int:
+    for path, text in pages(GENERATED).items():
+        path.write_text(text, encoding="utf-8")
+        console.print(f"{_shown(path)} written")
     return 0
 
 
@@ -129,6 +142,10 @@ def _parser() -> argparse.ArgumentParser:
     check.set_defaults(run=_check)
     schema = commands.add_parser("schema", help="write the JSON Schema of specifications")
     schema.set_defaults(run=_schema)
+    reference = commands.add_parser(
+        "reference", help="write docs/specification.md and docs/c-api.md"
+    )
+    reference.set_defaults(run=_reference)
     presets = commands.add_parser("presets", help="list the presets of the paper")
     presets.set_defaults(run=_presets)
     return parser

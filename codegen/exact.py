@@ -7,6 +7,7 @@ import math
 import re
 import struct
 from collections.abc import Callable
+from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
 from typing import Annotated, Any
@@ -59,15 +60,22 @@ def _representable(value: Fraction | None) -> Fraction:
     return value
 
 
-def in_range(holds: Callable[[Fraction], bool], rule: str, fix: str) -> AfterValidator:
+@dataclass(frozen=True)
+class InRange(AfterValidator):
+    """A validator of numbers that says which rule it checks, for the reference of the keys."""
+
+    rule: str = ""
+
+
+def in_range(holds: Callable[[Any], bool], rule: str, fix: str) -> InRange:
     """A validator for numbers that must fulfil a rule."""
 
-    def check(value: Fraction) -> Fraction:
+    def check(value: Any) -> Any:
         if not holds(value):
             raise broken(rule, fix)
         return value
 
-    return AfterValidator(check)
+    return InRange(check, rule)
 
 
 def _finite_time_or_rational(value: object) -> Fraction | str:
@@ -79,12 +87,6 @@ def _finite_time_or_rational(value: object) -> Fraction | str:
             f'write "{FINITE_TIME}" or a number',
         )
     return rational(value)
-
-
-def _beta_range(value: Fraction | str) -> Fraction | str:
-    if isinstance(value, Fraction) and not 0 < value < EXPONENT_MAX:
-        raise broken(*_exponent_rule("beta"))
-    return value
 
 
 def _exponent_rule(name: str) -> tuple[str, str]:
@@ -133,7 +135,9 @@ Gamma = Annotated[
     ),
 ]
 Beta = Annotated[
-    Fraction | str, BeforeValidator(_finite_time_or_rational), AfterValidator(_beta_range)
+    Fraction | str,
+    BeforeValidator(_finite_time_or_rational),
+    in_range(lambda v: v == FINITE_TIME or 0 < v < EXPONENT_MAX, *_exponent_rule("beta")),
 ]
 
 _PerJointNumber = (BeforeValidator(as_list), _per_joint_schema(_NUMBER_SCHEMA))

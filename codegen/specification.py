@@ -13,7 +13,6 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal
 
 from pydantic import (
-    AfterValidator,
     BaseModel,
     ConfigDict,
     Field,
@@ -35,7 +34,7 @@ from codegen.exact import (
     in_range,
 )
 from codegen.law import AccelerationEstimate, VelocityError
-from codegen.problems import Problem, SpecificationError, broken, nearest, show
+from codegen.problems import Problem, SpecificationError, nearest, show
 
 
 class _Table(BaseModel):
@@ -48,31 +47,54 @@ class LawTable(_Table):
     """``[law]``: the gains of the inclusive law. A per-joint key takes one number or a list."""
 
     preset: str | None = Field(
-        None, description="A special case of the paper or a row of Table II; sets gains."
+        None,
+        description="A special case of the paper or a row of Table II; sets gains.",
+        examples=["enhanced"],
     )
     inertia_kgm2: PerJointPositive = Field(
-        description="Mbar [kg m^2], diagonal: raise it until the error no longer falls (III-E)."
+        description="Mbar [kg m^2], diagonal: raise it until the error no longer falls (III-E).",
+        examples=[[0.3818, 0.30545, 0.15296]],
     )
-    kd: PerJointNotNegative = Field(description="KD, damping of the desired error dynamics (17).")
-    kp: PerJointNotNegative = Field(description="KP, stiffness of the desired error dynamics (17).")
+    kd: PerJointNotNegative = Field(
+        description="KD [rad^(1-alpha) s^(alpha-2)], damping of the desired error dynamics (17).",
+        examples=[20],
+    )
+    kp: PerJointNotNegative = Field(
+        description="KP [rad^(1-beta) s^-2], stiffness of the desired error dynamics (17).",
+        examples=[100],
+    )
     lambda_: PerJointNotNegative = Field(
-        alias="lambda", description="lambda, correction of the time delay estimation error (31)."
+        alias="lambda",
+        description="lambda [rad^(1-gamma) s^(gamma-2)], correction of the time delay estimation "
+        "error (31).",
+        examples=[20],
     )
-    alpha: PerJointAlpha = Field(description="Exponent of the velocity error, 0 < alpha < 2.")
+    alpha: PerJointAlpha = Field(
+        description="Exponent of the velocity error; 1 is linear.", examples=["95/100"]
+    )
     beta: PerJointBeta = Field(
-        description='Exponent of the position error, 0 < beta < 2, or "finite-time" (35).'
+        description='Exponent of the position error, or "finite-time": alpha/(2 - alpha) (35).',
+        examples=["finite-time"],
     )
-    gamma: PerJointGamma = Field(description="Exponent of the sliding variable, 0 <= gamma < 2.")
+    gamma: PerJointGamma = Field(
+        description="Exponent of the sliding variable; 0 is its sign, 1 is linear.", examples=[0.4]
+    )
     velocity_error: VelocityError = Field(
         "reference-rate",
         description="How ed is formed: reference-rate (the paper's), error-difference or "
         "half-sample.",
+        examples=["half-sample"],
     )
     acceleration: AccelerationEstimate = Field(
-        "current", description="Which second difference of the position estimates qdd(t-L)."
+        "current",
+        description="Which second difference of the position estimates qdd(t-L): the one that ends "
+        "at q(t), or the one a tick older.",
+        examples=["delayed"],
     )
     low_pass_rad_per_s: Positive | None = Field(
-        None, description="Cutoff w of the low-pass (43) [rad/s]; without it there is none."
+        None,
+        description="Cutoff w of the low-pass (43) [rad/s]; without it there is none.",
+        examples=[300],
     )
 
 
@@ -80,10 +102,13 @@ class EncoderTable(_Table):
     """``[encoder]``: from counts to radians at the joint."""
 
     counts_per_rev: PerJointPositive = Field(
-        description="Counts a motor revolution AFTER quadrature decoding: 4 x pulses (lines)."
+        description="Counts a motor revolution AFTER quadrature decoding [count]: 4 x pulses "
+        "(lines).",
+        examples=[8192],
     )
     gear_ratio: PerJointNotZero = Field(
-        description="Motor revolutions a joint revolution; negative if they turn opposite ways."
+        description="Motor revolutions a joint revolution; negative if they turn opposite ways.",
+        examples=[[120, -120, 120]],
     )
 
 
@@ -91,10 +116,13 @@ class DriveTable(_Table):
     """``[drive]``: what the drive can do."""
 
     torque_limit_Nm: PerJointPositive = Field(
-        description="Largest torque at the joint [N m] (motor torque times gear ratio)."
+        description="Largest torque at the joint [N m] (motor torque times gear ratio).",
+        examples=[[76.44, 76.44, 38.28]],
     )
     reports_torque: bool = Field(
-        False, description="Whether the drive reports the torque that it applied in the last tick."
+        False,
+        description="Whether the drive reports the torque that it applied in the last tick.",
+        examples=[True],
     )
 
 
@@ -102,21 +130,29 @@ class SafetyTable(_Table):
     """``[safety]``: what counts as implausible, and what happens then."""
 
     max_speed_rad_per_s: PerJointPositive = Field(
-        description="Joint speed [rad/s] above which a change of counts is an encoder jump."
+        description="Joint speed [rad/s] above which a change of counts is an encoder jump.",
+        examples=[5],
     )
     max_acceleration_rad_per_s2: PerJointPositive | None = Field(
         None,
         description="Joint acceleration [rad/s^2] above which a change of speed is an encoder "
         "jump; by default what the torque limit gives Mbar.",
+        examples=[150],
     )
     max_lost_ticks: Annotated[int, Field(ge=1, le=LOST_TICKS_MAX)] = Field(
-        20, description="Lost ticks in a row after which the controller stops with zero torque."
+        20,
+        description="Lost ticks in a row after which the controller stops with zero torque.",
+        examples=[5],
     )
     anti_windup: bool = Field(
-        True, description="Whether the sliding variable of a saturated joint stops integrating."
+        True,
+        description="Whether the sliding variable of a saturated joint stops integrating.",
+        examples=[False],
     )
     on_error: Literal["hold", "zero"] = Field(
-        "hold", description="Torque of a lost tick: the last one held, or zero."
+        "hold",
+        description="Torque of a lost tick: the last one held, or zero.",
+        examples=["zero"],
     )
 
 
@@ -125,52 +161,57 @@ class Specification(_Table):
 
     name: Annotated[
         str,
-        AfterValidator(
-            lambda v: (
-                v
-                if re.fullmatch(r"[a-z][a-z0-9_]{0,23}", v)
-                else _raise(
-                    broken(
-                        "a lower-case C identifier of at most 24 characters, as in tdc_NAME_step",
-                        'write a name such as "puma3"',
-                    )
-                )
-            )
+        in_range(
+            lambda v: re.fullmatch(r"[a-z][a-z0-9_]{0,23}", v) is not None,
+            "a lower-case C identifier of at most 24 characters, as in tdc_NAME_step",
+            'write a name such as "puma3"',
         ),
         WithJsonSchema({"type": "string", "pattern": "^[a-z][a-z0-9_]{0,23}$"}),
-    ] = Field(description="Name of the controller, used in file and function names.")
-    description: str = Field("", description="One sentence on the robot, for the C header.")
-    robot: str | None = Field(None, description="A robot preset: its own numbers, where not given.")
+    ] = Field(
+        description="Name of the controller, used in file and function names.", examples=["puma3"]
+    )
+    description: str = Field(
+        "",
+        description="One sentence on the robot, for the C header.",
+        examples=["a UR5 on a bench"],
+    )
+    robot: str | None = Field(
+        None,
+        description="A robot preset: its own numbers, where not given.",
+        examples=["faraman-at2"],
+    )
     joint_names: Annotated[
         tuple[Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9 _-]{0,31}$")], ...],
         Field(min_length=1, max_length=32),
-    ] = Field(description="The joints' names in order; their number is the number of joints.")
+    ] = Field(
+        description="The joints' names in order; their number is the number of joints.",
+        examples=[["waist", "shoulder", "elbow"]],
+    )
     sample_time_s: Annotated[
         Positive, in_range(lambda v: v <= 1, "at most 1 s", "write the sample time in seconds")
-    ] = Field(description="L, sample time and time delay [s].")
+    ] = Field(description="L, sample time and time delay [s].", examples=[0.001])
     arithmetic: Kind = Field(
         "floating-point",
         description="What the C computes with; fixed-point is for cores without an FPU "
         "(Cortex-M0+, M3).",
+        examples=["fixed-point"],
     )
     precision: Precision = Field(
         "float32",
         description="The floating-point number; float64 is for cores with a double FPU "
         "(Cortex-M7).",
+        examples=["float64"],
     )
     accuracy: Accuracy = Field(
         "standard",
         description="Of the powers in float32: standard to 2^-21.75, precise to 2 units in the "
         "last place at a fifth more instructions.",
+        examples=["precise"],
     )
     law: LawTable
     encoder: EncoderTable
     drive: DriveTable
     safety: SafetyTable
-
-
-def _raise(error: Exception) -> Any:
-    raise error
 
 
 def validate(data: Mapping[str, Any], source: str) -> Specification:

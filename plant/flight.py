@@ -137,7 +137,8 @@ class _Specified:
         return resolve(self.data, self.source, experiment=experiment)
 
 
-_ROBOT_KEYS = {"links", "urdf", "transmission", "based_on"}
+ROBOT_KEYS = {"links", "urdf", "transmission", "based_on"}
+"""What a file has that describes a robot, and no specification has."""
 
 
 def _subjects(
@@ -145,7 +146,7 @@ def _subjects(
 ) -> tuple[_Specified, Robot]:
     """The specification and the robot, one of which a file may leave open."""
     data = read(path)
-    if not data.keys() & _ROBOT_KEYS:
+    if not data.keys() & ROBOT_KEYS:
         specified = _Specified(data, str(path))
         name = robot if robot is not None else default_robot(specified.controller())
         return specified, load_robot(name, friction=friction, urdf=urdf)

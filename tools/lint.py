@@ -21,7 +21,7 @@ from pathlib import Path
 TOOLS = Path(__file__).resolve().parent
 VENV_BIN = Path(sys.executable).parent
 
-HANDWRITTEN = ("firmware_stub", "plant", "verification", "tests")
+HANDWRITTEN = ("examples", "firmware_stub", "plant", "verification", "tests")
 # Read by host tools only: a board's start-up code needs a target compiler's headers.
 ANALYSED_ON_HOST = ("plant", "verification", "tests")
 C_SUFFIXES = (".c", ".h")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
+PYTHON = ".venv/bin/python"
+"""How the pages call it, from the root."""
 # Written by the targets or by git; everything else in the tree is ours.
 NOT_SOURCE = {".git", ".venv", "build", "__pycache__", ".hypothesis"}
 # What the set-up scripts call besides the tools that they look for.
@@ -115,3 +118,20 @@ def copy_of_tools(tmp_path: Path) -> Callable[[], Path]:
         return root
 
     return copy
+
+
+@pytest.fixture(scope="session")
+def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The repository once more, to run commands in; what was compiled before serves there, too."""
+    root = tmp_path_factory.mktemp("copy") / "project"
+    for file in source_files():
+        target = root / file.relative_to(ROOT)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(file, target)
+    (ROOT / "build" / "host").mkdir(parents=True, exist_ok=True)
+    (root / "build").mkdir()
+    (root / "build" / "host").symlink_to(ROOT / "build" / "host")
+    (root / ".venv" / "bin").mkdir(parents=True)
+    (root / PYTHON).write_text(f'#!/bin/sh\nexec "{sys.executable}" "$@"\n', encoding="utf-8")
+    (root / PYTHON).chmod(0o755)
+    return root

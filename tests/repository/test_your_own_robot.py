@@ -16,7 +16,7 @@ import pytest
 from codegen.controller import load
 
 ROOT = Path(__file__).parents[2]
-EXAMPLE = ROOT / "examples" / "ur5"
+EXAMPLE = ROOT / "examples" / "03_your_own_urdf"
 TEXT = (ROOT / "docs" / "your-own-robot.md").read_text(encoding="utf-8")
 # What is written for `build/my_ur5` there is done elsewhere.
 FOLDER = "build/my_ur5"

@@ -1,6 +1,6 @@
-"""Draws docs/your-own-robot.png: the elbow's error with the proposal and with the tuned controller.
+"""Draws picture.png: the elbow's error with the proposal and with the tuned controller.
 
-Usage: .venv/bin/python -m examples.ur5.picture [FILE]
+Usage: .venv/bin/python -m examples.03_your_own_urdf.picture [FILE]
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from plant.propose import data_of, proposal
 from plant.robot import load_robot
 
 FOLDER = Path(__file__).parent
-PICTURE = FOLDER.parents[1] / "docs" / "your-own-robot.png"
+PICTURE = FOLDER / "picture.png"
 ELBOW = 2
 
 
@@ -52,6 +52,7 @@ def draw(file: Path) -> None:
     flown = runs()
     for name, colour in zip(flown, ("tab:orange", "tab:blue"), strict=True):
         run = flown[name]
+        print(f"RMS error [deg], {name}:", *(f"{each:.4f}" for each in run.rms_error_deg()))
         rms = run.rms_error_deg()[ELBOW]
         error.plot(
             run.time_s,
@@ -64,7 +65,7 @@ def draw(file: Path) -> None:
     motion.set_ylabel("reference [deg]")
     error.set(xlabel="time [s]", ylabel="tracking error [deg]")
     error.legend(loc="lower right")
-    motion.set_title("the elbow of examples/ur5, by its encoder", loc="left")
+    motion.set_title("the elbow of the UR5, by its encoder", loc="left")
     figure.savefig(file, dpi=130, metadata={"Software": None})
 
 
