@@ -72,7 +72,7 @@ def generate(controller: Controller) -> GeneratedFiles:
         f"tdc_{controller.name}.c": (source.template, context),
     }
     files = {
-        name: _format(templates.get_template(template).render(values), name)
+        name: formatted(templates.get_template(template).render(values), name)
         for name, (template, values) in sources.items()
     }
     files["manifest.json"] = _manifest(controller, source.statements, files, generator, inputs)
@@ -132,7 +132,7 @@ def write(generated: GeneratedFiles, directory: Path) -> Path:
             fresh.mkdir()
             for name, text in generated.files.items():
                 (fresh / name).write_bytes(text.encode("utf-8"))
-            _swap(fresh, target, Path(scratch) / "old")
+            swap(fresh, target, Path(scratch) / "old")
     except OSError as error:
         raise GenerationError(
             f"{target}: {error.strerror or error}; nothing was changed. "
@@ -141,7 +141,17 @@ def write(generated: GeneratedFiles, directory: Path) -> Path:
     return target
 
 
-def _swap(fresh: Path, target: Path, old: Path) -> None:
+def swap(fresh: Path, target: Path, old: Path) -> None:
+    """Puts a folder in another one's place, which becomes ``old``; on an error nothing changes.
+
+    Args:
+        fresh: what comes, on the same file system.
+        target: its place.
+        old: where what was there goes.
+
+    Raises:
+        OSError: it can't be done.
+    """
     if target.exists():
         target.replace(old)
     try:
@@ -242,8 +252,12 @@ def _banner(controller: str | None, sha256: str) -> str:
     )
 
 
-def _format(text: str, name: str) -> str:
-    """The text in the project's C style; also drops what the templates left blank."""
+def formatted(text: str, name: str) -> str:
+    """The text in the project's C style; also drops what the templates left blank.
+
+    Raises:
+        GenerationError: clang-format is missing or failed.
+    """
     executable = Path(sys.executable).parent / "clang-format"
     command = [
         str(executable) if executable.exists() else "clang-format",

@@ -7,10 +7,10 @@ from importlib.metadata import version
 from typing import Any
 
 from codegen.controller import Controller
-from codegen.emit import REPOSITORY, GeneratedFiles
+from codegen.emit import REPOSITORY, GeneratedFiles, formatted
 from codegen.fixed_point import formats
 from package.fmu import fmu
-from package.rendering import formatted, text
+from package.rendering import text
 from plant.units import units
 
 FMU = "fmu/{}.fmu"

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from codegen.controller import Controller
-from codegen.emit import REPOSITORY, GeneratedFiles
+from codegen.emit import REPOSITORY, GeneratedFiles, formatted
 from codegen.floating_point import FieldValue
 from codegen.layout import joint_config_values, layout
 from codegen.structs import Scalar
-from package.rendering import formatted, text
+from package.rendering import text
 from package.variables import FIXED_POWER, UNITS, Role, variables
 from plant.units import Unit, units
 

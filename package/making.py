@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from codegen.controller import Controller
-from codegen.emit import generate
+from codegen.emit import generate, swap
 from codegen.layout import layout
 from codegen.source import GenerationError
 from package.checks import Part, check, parts
 from package.contents import Package, context, files, package_of
 from package.figures import Figures, figures
 from package.recording import Recording, record
-from package.rendering import swap, text
+from package.rendering import text
 from plant.native import BUILD
 
 PACKAGES = BUILD / "package"

@@ -175,4 +175,4 @@ def check_arduino(folder: Path, package: Package) -> None:
         raise CheckError("library.properties: Arduino asks for " + "; ".join(broken))
     # A sketch is C++, in the language that Arduino's compilers take since long.
     header = folder / "src" / found["includes"]
-    run(["c++", "-std=gnu++11", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", header], folder)
+    run(["c++", "-std=c++11", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", header], folder)

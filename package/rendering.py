@@ -1,18 +1,13 @@
-"""How the files of a package are rendered, formatted, and put in place of older ones."""
+"""How the files of a package are rendered."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
-from codegen import emit
 from codegen.rendering import environment
 
 TEMPLATES = Path(__file__).parent / "templates"
-
-# Private there, because a change of that module changes the hash in every generated file.
-formatted = emit._format
-swap = emit._swap
 
 _ENVIRONMENT = environment(TEMPLATES)
 _ENVIRONMENT.filters["thousands"] = lambda x: "–" if x is None else f"{x:,.0f}".replace(",", " ")
