@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from verification.report.style import PALETTE, house_style
+from verification.style import PALETTE, house_style
 
 PICTURE = Path(__file__).parent / "picture.png"
 DEG_PER_COUNT = 360.0 / (8192 * 120)

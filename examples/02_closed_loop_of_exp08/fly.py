@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from plant.flight import Flight, fly
 from verification.paper import table_2
-from verification.report.style import PALETTE, house_style
+from verification.style import PALETTE, house_style
 
 FOLDER = Path(__file__).parent
 CONTROLLER = FOLDER.parents[1] / "controllers" / "puma3.toml"

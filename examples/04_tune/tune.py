@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from plant.__main__ import main as plant
 from plant.flight import fly
 from plant.native import BUILD
-from verification.report.style import PALETTE, house_style
+from verification.style import PALETTE, house_style
 
 FOLDER = Path(__file__).parent
 CONTROLLER = FOLDER.parents[1] / "controllers" / "puma3.toml"

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 
 from codegen.controller import load
 from plant.robot import load_robot
-from verification.report.style import PALETTE, house_style
 from verification.sampled_stability.intervals import Interval
+from verification.style import PALETTE, house_style
 from verification.tuning_check.joint import Timing, specified
 from verification.workspace.certify import Certified, certified_eigenvalues
 

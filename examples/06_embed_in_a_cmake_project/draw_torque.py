@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from codegen.status import LOST
-from verification.report.style import PALETTE, house_style
+from verification.style import PALETTE, house_style
 
 PICTURE = Path(__file__).parent / "picture.png"
 

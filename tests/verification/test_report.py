@@ -31,7 +31,7 @@ from verification.report.content import Results, law_block, scientific
 from verification.report.page import render, write
 from verification.report.processor import Processor
 from verification.report.studies import NOTHING, found
-from verification.report.style import PAGE_COLOURS
+from verification.style import PAGE_COLOURS
 from verification.symbolic import all_proofs
 from verification.table2.fly import PLANTS, fly_table
 from verification.tuning_check.verdict import Finding, Severity

@@ -14,7 +14,7 @@ from rich.table import Table
 from verification.bench.recording import Outcome
 from verification.bench.rows import Row
 from verification.bench.variants import LINEAR_FLOOR, PROJECT, PROJECT_LINEAR, VARIANTS, WITH_POWERS
-from verification.report.style import INK, PALETTE, WIDTH_IN
+from verification.style import INK, PALETTE, WIDTH_IN
 
 TITLES = {variant.name: variant.title for variant in VARIANTS}
 # Ours, the floor, and all others: told apart by lightness as well as by hue.

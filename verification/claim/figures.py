@@ -24,7 +24,7 @@ from verification.claim.statistics import (
 )
 from verification.figures.rows import LABELS
 from verification.paper import REFERENCE_ROW
-from verification.report.style import INK, PALETTE, WIDTH_IN, house_style, write_svg
+from verification.style import INK, PALETTE, WIDTH_IN, house_style, write_svg
 
 _STATES = {
     State.FINE: ("fine", "o", PALETTE[2]),

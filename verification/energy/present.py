@@ -17,7 +17,7 @@ from verification.evidence import RESULTS, plain
 from verification.figures.chart import Chart, Floats, Line, Panel, Rule
 from verification.figures.drawn import draw as draw_chart
 from verification.paper import table_2
-from verification.report.style import PALETTE, WIDTH_IN, house_style, write_svg
+from verification.style import PALETTE, WIDTH_IN, house_style, write_svg
 
 PICTURE = RESULTS / "energy.svg"
 PICTURED = ("Exp01", "Exp08")

@@ -32,7 +32,7 @@ from verification.faults.cases import (
 from verification.faults.catalogue import BY_NAME, TICK_S
 from verification.faults.fly import HORIZON_S, REACTION_TICKS, REPLAN_S, fly
 from verification.faults.score import NOMINAL, Score
-from verification.report.style import INK, PALETTE, WIDTH_IN, house_style
+from verification.style import INK, PALETTE, WIDTH_IN, house_style
 
 PICTURE = RESULTS / "faults.svg"
 SIDE_BY_SIDE = (NONE, DEFAULT, TIGHT)

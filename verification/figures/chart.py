@@ -33,7 +33,7 @@ class Line:
         x: shape (points,), in the unit of the panel's axis.
         y: shape (points,), likewise.
         label: in the legend, where lines of several panels share an entry; empty for none.
-        colour: of the palette, or :data:`verification.report.style.INK`.
+        colour: of the palette, or :data:`verification.style.INK`.
         dash: how it is drawn.
         width_pt: of the line; 0 for points alone.
         marker: diameter of the points [pt]; 0 for a line alone.

@@ -21,7 +21,7 @@ from verification.figures.chart import (
 )
 from verification.figures.flow import CONTROLLER, Equilibrium, ErrorDynamics, flow, half_turn
 from verification.figures.paper_figure import PaperFigure
-from verification.report.style import INK, PALETTE
+from verification.style import INK, PALETTE
 
 KD, KP = 20.0, 100.0
 """Of section III-E: a double pole at -10 1/s where alpha = beta = 1."""

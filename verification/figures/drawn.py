@@ -8,7 +8,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from verification.figures.chart import COLUMN_IN, FEW_DECADES, PAGE_IN, Chart, Line, Panel
-from verification.report.style import INK
+from verification.style import INK
 
 _HEAD_IN = 0.55
 """For the legend and the lowest axis' labels."""

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from verification.figures.chart import FEW_DECADES, Chart, Floats, Line, Panel, Rule
-from verification.report.style import INK, LINE
+from verification.style import INK, LINE
 
 DIGITS = 6
 """Significant digits of the points: finer than any screen, even with some zoom."""

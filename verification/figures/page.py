@@ -10,7 +10,7 @@ from plotly.offline import get_plotlyjs
 
 from verification.figures.paper_figure import PaperFigure
 from verification.paper import PAPER
-from verification.report.style import PAGE_COLOURS, pages
+from verification.style import PAGE_COLOURS, pages
 
 _TEMPLATES = Path(__file__).parent / "templates"
 

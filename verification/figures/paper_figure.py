@@ -34,7 +34,7 @@ class PaperFigure:
     evidence: Evidence | None
 
     def draw(self) -> Figure:
-        """The picture by Matplotlib; call it inside a style of ``verification.report.style``."""
+        """The picture by Matplotlib; call it inside a style of ``verification.style``."""
         return draw(self.chart)
 
     def interactive(self) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from verification.evidence import plain
 from verification.figures.catalogue import BUILDERS
 from verification.figures.page import render
 from verification.figures.paper_figure import PaperFigure
-from verification.report.style import house_style
+from verification.style import house_style
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from verification.figures.chart import Floats
-from verification.report.style import PALETTE
+from verification.style import PALETTE
 
 COLOURS = {"Exp01": PALETTE[3], "Exp02": PALETTE[1], "Exp05": PALETTE[2], "Exp08": PALETTE[0]}
 LABELS = {

@@ -28,7 +28,7 @@ from verification.figures.flights import Flight, bench, error_deg, flown, joint_
 from verification.figures.paper_figure import PaperFigure
 from verification.figures.rows import COLOURS, ENVELOPE_S, LABELS, envelope
 from verification.paper import FASTER_RMS_DEG, REFERENCE_ROW, table_2
-from verification.report.style import INK, PALETTE
+from verification.style import INK, PALETTE
 
 SPANS = 600
 """Twice as many points draw a signal of any length."""

@@ -16,7 +16,7 @@ from verification.figures.flights import (
 )
 from verification.figures.paper_figure import PaperFigure
 from verification.figures.tracking import ERROR, PLANT, TIME, signal, titles
-from verification.report.style import PALETTE
+from verification.style import PALETTE
 
 # --- Fig. 6 ------------------------------------------------------------------------------------
 

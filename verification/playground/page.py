@@ -23,7 +23,7 @@ from verification.paper import PAPER
 from verification.playground import flight as flights
 from verification.playground import vectors
 from verification.playground.memory import text
-from verification.report.style import pages
+from verification.style import pages
 
 TEMPLATES = Path(__file__).parent / "templates"
 SCRIPTS = ("memory", "rational", "dynamics", "robot", "vectors", "charts", "playground")

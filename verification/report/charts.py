@@ -13,7 +13,7 @@ import numpy as np
 from verification.experiments import Beside, Outcome
 from verification.figures.chart import Chart, Floats, Line, Panel, Rule, extremes
 from verification.figures.rows import COLOURS, LABELS, envelope
-from verification.report.style import INK, PALETTE, WIDTH_IN
+from verification.style import INK, PALETTE, WIDTH_IN
 
 TIME = "time [s]"
 SPANS = 600

@@ -49,7 +49,7 @@ from verification.report.answers import Found, answers
 from verification.report.certificates import Certificates
 from verification.report.processor import LINKS, MEANINGS, TITLES, Processor
 from verification.report.studies import Studies
-from verification.report.style import house_style, inline_svg
+from verification.style import house_style, inline_svg
 from verification.symbolic import Proof
 from verification.table2.fly import COMPARED, FACTOR, TableOf, paper_ratios, ratio_name
 from verification.table2.fly import figures as figures_of_tables

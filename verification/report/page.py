@@ -7,12 +7,14 @@ from pathlib import Path
 from verification.evidence import write_json
 from verification.figures.page import scripts
 from verification.report.content import Results, as_json, context
-from verification.report.style import pages
+from verification.style import pages
+
+_TEMPLATES = Path(__file__).parent / "templates"
 
 
 def render(results: Results) -> str:
     """The page as HTML; the same results give the same bytes."""
-    return pages().get_template("index.html.j2").render(context(results) | scripts())
+    return pages(_TEMPLATES).get_template("index.html.j2").render(context(results) | scripts())
 
 
 def write(results: Results, directory: Path) -> Path:

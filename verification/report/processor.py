@@ -16,7 +16,7 @@ from verification.bench.present import chart
 from verification.bench.variants import VARIANTS
 from verification.chain.links import DOUBLE_TO_HOST, EXACT_TO_DOUBLE
 from verification.evidence import RESULTS, current_json
-from verification.report.style import house_style, inline_svg
+from verification.style import house_style, inline_svg
 
 TITLES = {variant.name: variant.title for variant in VARIANTS}
 LINKS = {EXACT_TO_DOUBLE: "1 exact → double", DOUBLE_TO_HOST: "2 double → C"}

@@ -14,7 +14,6 @@ from rich.console import Console
 from rich.table import Table
 
 from verification.evidence import RESULTS, plain
-from verification.report.style import INK, PALETTE, WIDTH_IN, house_style
 from verification.rivals.compare import (
     PHASES,
     TRIALS,
@@ -28,6 +27,7 @@ from verification.rivals.compare import (
 from verification.rivals.contenders import MODEL_ERROR, NO_MODEL, OURS
 from verification.rivals.model import SIGN_WIDTH_RAD_PER_S
 from verification.rivals.tuning import EFFORT, LOST_DEG, SEED, Effort
+from verification.style import INK, PALETTE, WIDTH_IN, house_style
 
 PICTURE = RESULTS / "rivals.svg"
 MILLI = 1e3

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from verification.evidence import Evidence
-from verification.report.style import pages
+from verification.style import pages
 from verification.tuning_check import pictures, present
 from verification.tuning_check.check import TuningCheck
 from verification.tuning_check.verdict import Severity

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from verification.energy.audit import sig
 from verification.error_dynamics.analysis import ErrorDynamics
-from verification.report.style import INK, PALETTE, WIDTH_IN, house_style, inline_svg
 from verification.sampled_stability.intervals import Interval
+from verification.style import INK, PALETTE, WIDTH_IN, house_style, inline_svg
 from verification.tuning_check.check import TuningCheck
 from verification.tuning_check.joint import Floats, Sampled
 from verification.workspace.certify import LIMIT

@@ -109,13 +109,13 @@ def write_svg(figure: Figure, path: Path) -> Path:
     return path
 
 
-TEMPLATES = Path(__file__).parent / "templates"
+_TEMPLATES = Path(__file__).parent / "templates"
 
 
-def pages(folder: Path = TEMPLATES) -> Environment:
-    """The environment of HTML pages: a folder's templates, and those of the report."""
+def pages(folder: Path) -> Environment:
+    """The environment of HTML pages: a folder's templates, and those that all pages share."""
     return Environment(
-        loader=FileSystemLoader([folder, TEMPLATES]),
+        loader=FileSystemLoader([folder, _TEMPLATES]),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
