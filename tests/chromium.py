@@ -41,7 +41,7 @@ class Page:
     Attributes:
         complaints: what its console says as a warning or an error, and exceptions without a
             handler.
-        requests: all that it asked for besides itself.
+        requests: all that it asked for besides what is in it.
     """
 
     _socket: ClientConnection
@@ -90,7 +90,8 @@ class Page:
         elif method == "Log.entryAdded" and happened["entry"]["level"] in ("error", "warning"):
             self.complaints.append(happened["entry"]["text"])
         elif method == "Network.requestWillBeSent":
-            self.requests.append(happened["request"]["url"])
+            if not (url := happened["request"]["url"]).startswith(("data:", "blob:")):
+                self.requests.append(url)
 
     def open(self, path: Path) -> None:
         """Opens a file and waits until it is loaded."""
