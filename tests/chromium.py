@@ -90,8 +90,8 @@ class Page:
         elif method == "Log.entryAdded" and happened["entry"]["level"] in ("error", "warning"):
             self.complaints.append(happened["entry"]["text"])
         elif method == "Network.requestWillBeSent":
-            if not (url := happened["request"]["url"]).startswith(("data:", "blob:")):
-                self.requests.append(url)
+            url = happened["request"]["url"]
+            self.requests += [] if url.startswith(("data:", "blob:")) else [url]
 
     def open(self, path: Path) -> None:
         """Opens a file and waits until it is loaded."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import re
 import shutil
 from pathlib import Path
 
@@ -66,7 +67,8 @@ MUTANTS = [
         "puma3",
         "torque_Nm[i] = state->joint[i].tick[state->phase & 1u].applied_torque_Nm;",
         "torque_Nm[i] = state->joint[i].tick[0].applied_torque_Nm;",
-        "the same tick gives the same bits",
+        # Whether the last torque or the one before it is wrong depends on the tick.
+        "the same tick gives the same bits|after an error the torque is the last good one",
     ),
     (
         "puma3",
@@ -121,7 +123,7 @@ def test_broken_c_is_found(tmp_path: Path, name: str, old: str, new: str, says: 
     fuzzer = build(load(REPOSITORY / f"controllers/{name}.toml"), tmp_path / "fuzz", sources)
     done = run(fuzzer, 10.0)
     assert done.finding is not None
-    assert says in done.finding.says
+    assert re.search(says, done.finding.says)
     assert done.finding.input.is_file()
 
 
