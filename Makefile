@@ -177,7 +177,7 @@ bench: setup
 .PHONY: test
 test: setup
 	@tools/system_tools.sh test firmware fuzz package
-	@$(run) -m pytest --numprocesses auto $(PYTEST_ARGS)
+	@$(run) -m pytest --numprocesses auto --dist loadgroup $(PYTEST_ARGS)
 
 ## Check style, types and C rules: ruff, mypy, clang-format, clang-tidy, cppcheck (MISRA), gcc
 .PHONY: lint

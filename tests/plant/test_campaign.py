@@ -239,6 +239,8 @@ def test_a_signal_leaves_whole_batches_and_says_how_to_go_on(tmp_path: Path) -> 
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
+        # A shell's background job, in which the tests may run, ignores the signal.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     try:
         deadline = time.monotonic() + 240

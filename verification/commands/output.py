@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,20 +30,32 @@ class Output:
 
     @contextmanager
     def bar(self, says: str, total: int | None) -> Iterator[Callable[[int], None]]:
-        """A progress bar, endless where there is no total; yields what moves it on."""
+        """A progress bar, endless where there is no total; yields what moves it on.
+
+        A file or a pipe gets a line at its beginning instead.
+        """
         columns = (
             TextColumn("{task.description}"),
             BarColumn(),
             MofNCompleteColumn(),
             TimeElapsedColumn(),
         )
-        with Progress(*columns, console=self.progress, transient=True) as progress:
+        seen = self._begun(says)
+        with Progress(
+            *columns, console=self.progress, transient=True, disable=not seen
+        ) as progress:
             task = progress.add_task(says, total=total)
             yield lambda done: progress.advance(task, done)
 
     def status(self, says: str) -> AbstractContextManager[object]:
         """Shows that something goes on."""
-        return self.progress.status(says)
+        return self.progress.status(says) if self._begun(says) else nullcontext()
+
+    def _begun(self, says: str) -> bool:
+        """Whether there is a terminal to show progress on."""
+        if not self.progress.is_terminal:
+            self.progress.print(f"  {says}")
+        return self.progress.is_terminal
 
     def leave(self, data: Any, name: str) -> None:
         """Writes a command's figures beside what it prints."""
