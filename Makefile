@@ -177,7 +177,8 @@ bench: setup
 .PHONY: test
 test: setup
 	@tools/system_tools.sh test firmware fuzz package
-	@$(run) -m pytest --numprocesses auto --dist loadgroup $(PYTEST_ARGS)
+# Tests of one file share what takes long to make, and go on where the one before ended.
+	@$(run) -m pytest --numprocesses auto --dist loadfile $(PYTEST_ARGS)
 
 ## Check style, types and C rules: ruff, mypy, clang-format, clang-tidy, cppcheck (MISRA), gcc
 .PHONY: lint
