@@ -23,7 +23,7 @@ from plant.assembly import PlantError
 from plant.closed_loop import ControllerError
 from plant.native import CompilerError
 from verification.bench.rows import BenchError
-from verification.commands.output import shown
+from verification.commands.output import shown, stoppable
 from verification.firmware import ToolError
 
 _TROUBLE = (
@@ -78,4 +78,4 @@ def _show(made: Made, console: Console) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(stoppable(main))

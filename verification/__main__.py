@@ -10,7 +10,7 @@ from typing import Any, Protocol, cast
 
 from rich.console import Console
 
-from verification.commands.output import Output
+from verification.commands.output import Output, stoppable
 
 
 class Command(Protocol):
@@ -116,4 +116,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(stoppable(main))

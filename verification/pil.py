@@ -34,6 +34,7 @@ from plant.native import BUILD, CompilerError
 from plant.robot import load_robot
 from plant.trajectory import Reference, RestToRest
 from plant.units import Unit
+from verification.commands.output import stoppable
 from verification.evidence import Evidence, write_json
 from verification.firmware import (
     Board,
@@ -491,4 +492,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(stoppable(main))

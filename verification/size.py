@@ -21,6 +21,7 @@ from rich.console import Console
 from rich.table import Table
 
 from codegen.emit import REPOSITORY
+from verification.commands.output import stoppable
 from verification.disassembly import (
     Instruction,
     Program,
@@ -472,4 +473,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(stoppable(main))

@@ -21,6 +21,7 @@ from verification.__main__ import main
 from verification.accuracy import ARITHMETICS
 from verification.certificates.sig_pow.present import shipped
 from verification.certificates.sig_pow.present import verdict as prove_and_check
+from verification.commands.output import stoppable
 from verification.equivalence import check
 from verification.evidence import Evidence, current_json, generated_sha256, write_json
 from verification.experiments import CONTROLLERS, Experiment, Outcome
@@ -301,6 +302,15 @@ def test_a_bad_number_of_steps_is_refused(steps: str, capsys: pytest.CaptureFixt
 def test_an_unknown_controller_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["equivalence", "--controller", "puma9"]) == 2
     assert "puma9.toml" in capsys.readouterr().err
+
+
+def test_ctrl_c_ends_in_words(capsys: pytest.CaptureFixture[str]) -> None:
+    def interrupted() -> int:
+        raise KeyboardInterrupt
+
+    assert stoppable(interrupted) == 130
+    assert "Interrupted: results are written at the end" in capsys.readouterr().err
+    assert stoppable(lambda: 2) == 2
 
 
 # --- What longer commands left -----------------------------------------------------------------

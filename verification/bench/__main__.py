@@ -20,6 +20,7 @@ from verification.bench.page import PAGE, write_page
 from verification.bench.present import cases, tables
 from verification.bench.rows import JOINTS, RESULT, BenchError, Result, load, measure, save
 from verification.bench.variants import VARIANTS
+from verification.commands.output import stoppable
 from verification.firmware import ToolError, board_names
 
 _TROUBLE = (
@@ -109,4 +110,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(stoppable(main))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
@@ -12,6 +13,19 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from verification.evidence import RESULTS, write_json
+
+
+def stoppable(main: Callable[[], int]) -> int:
+    """Runs a command line; Ctrl-C ends it in words, with the exit code that shells give it."""
+    try:
+        return main()
+    except KeyboardInterrupt:
+        print(
+            "\nInterrupted: results are written at the end, and those from before are as they "
+            "were. The same command starts again.",
+            file=sys.stderr,
+        )
+        return 130
 
 
 @dataclass(frozen=True)
