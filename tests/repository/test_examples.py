@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import shutil
 import subprocess
 from pathlib import Path
 
@@ -134,7 +133,6 @@ def test_unsafe_gains_are_refused_with_exit_code_1(copy: Path) -> None:
     assert same_picture(CERTIFY, copy)
 
 
-@pytest.mark.skipif(shutil.which("cmake") is None, reason="tools/system_tools.txt names cmake")
 def test_the_cmake_project_rides_through_a_dropout(copy: Path) -> None:
     run(CMAKE, copy)
     printed = rows(copy / "build" / "example_06" / "torque.csv")
